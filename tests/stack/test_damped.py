@@ -15,6 +15,7 @@ from tasks import CenterOfMass, Damping, JointLimits, Position, Posture
 from tests.families.oracle import Constraints, least_squares
 from tests.stack.conftest import feet
 from wbc import AccelerationLevel, Controller, InverseDynamics, Stack, VelocityLevel
+from wbc.stack.compiled.damping_kernel import observe, observe_all
 from wbc.types import Vec
 
 ARM = wbc.load("arm")
@@ -153,17 +154,48 @@ def test_what_is_held_meanwhile_has_its_lever_too(level: Any):
     np.testing.assert_allclose(damping.applied, expected, rtol=1e-9)
 
 
-@given(
-    arrays(float, ARM.nj, elements=st.sampled_from([0.0, 1e-3, 2.0])),
-    arrays(float, ARM.nj, elements=st.sampled_from([0.0, 0.5])),
-)
-def test_a_task_that_asks_for_nothing_is_not_stalled(applied: Vec, v: Vec):
-    controller = Controller(ARM, Stack([Position("tool", target=FAR)]), level=VelocityLevel(), dt=DT)
-    damping, p = controller.plan.damping.in_metric, controller.plan.problem
-    (task,) = p.levels[0]
-    damping.applied[:], damping.rate[:] = applied, 0.0
-    p.G[task.rows, p.n] = 0.0
-    np.testing.assert_array_equal(damping.stalled(v), np.zeros(ARM.nj))
+def slowed(controller: Controller) -> list[tuple[Vec, Vec]]:
+    """Weight and rate of each damping by the residuals, and with what stands above it stalled: the formula in numpy."""
+    p, damping = controller.plan.problem, controller.plan.damping
+    v = controller.state.v if controller.level.order > 1 else np.zeros(ARM.nj)
+    stalled, rate, found = np.zeros(ARM.nj), np.zeros(ARM.nj), []
+    tasks = [[task for task in level if task.kinematic] for level in p.levels]
+    for (task,), one in zip(tasks, [*damping.of_levels, damping.in_metric], strict=False):
+        observe(one.address)
+        J, applied, own_rate = p.G[task.rows, : ARM.nj], one.applied.copy(), one.rate.copy()
+        asked = p.G[task.rows, p.n] - J @ (own_rate * v)
+        left = p.value[p.item(task.rows.start) : p.item(task.rows.stop)]
+        before, after = (float(np.sqrt(task.weights @ r**2)) for r in (asked, left))
+        own = np.zeros(ARM.nj)
+        if applied.any() and before > 0.0:
+            own = applied / applied.max() * min(before, after) / max(before - after, 1e-3 * before)
+        more = stalled * (one.base + task.weights @ J**2)
+        total = applied + more
+        mean = (own_rate * applied + rate * more) / np.where(total > 0.0, total, 1.0)
+        found.append((total, np.where(total > 0.0, mean, rate) if stalled.any() else own_rate))
+        rate, stalled = np.where(own > stalled, own_rate, rate), np.maximum(own, stalled)
+    return found
+
+
+@pytest.mark.parametrize("level", [VelocityLevel, AccelerationLevel], ids=lambda level: level.name)
+@given(st.data())
+def test_what_stands_below_a_stalled_level_is_damped_as_many_times_its_own_curvature(level: Any, data: st.DataObject):
+    """Whatever the levels ask for and leave, nothing included: one that asks for nothing is not stalled."""
+    levels = [*reaching()[:2], [Position("tool", target=AWAY, name="last"), Damping()]]
+    controller = running(level(), wbc.Strict(), levels, seconds=0.02, limits=[JointLimits()])
+    p, numbers = controller.plan.problem, st.sampled_from([0.0, 0.0, 1e-3, 1.0, 30.0])
+    for task in (tasks[0] for tasks in p.levels):
+        assert task.rows is not None
+        p.G[task.rows, p.n] = data.draw(arrays(float, 3, elements=numbers))
+        p.value[p.item(task.rows.start) : p.item(task.rows.stop)] = data.draw(arrays(float, 3, elements=numbers))
+    expected = slowed(controller)
+    observe_all(controller.plan.damping.address)
+    every = [*controller.plan.damping.of_levels, controller.plan.damping.in_metric]
+    assert len(every) == len(expected) == 3
+    for one, (applied, rate) in zip(every, expected, strict=True):
+        np.testing.assert_allclose(one.applied, applied, rtol=1e-9)
+        np.testing.assert_allclose(one.rate, rate, rtol=1e-9)
+        assert one.is_on == applied.any()
 
 
 @pytest.mark.parametrize("level", [VelocityLevel, AccelerationLevel, InverseDynamics], ids=lambda level: level.name)

@@ -11,15 +11,14 @@ import numpy as np
 from wbc.compiled import Memory
 from wbc.qp.lexicographic import Pull
 from wbc.qp.rows import RowProblem, RowTask
+from wbc.stack.compiled.damping_kernel import DAMPINGS, RESIDUAL
 from wbc.stack.hierarchy import Rank
 from wbc.stack.layout import Layout
 from wbc.stack.motion import MotionRows
-from wbc.types import Mat, Vec
+from wbc.types import Vec
 
 #: What directions feel of the damping: they are kept to about this share of what is asked.
 _SIDEWAYS = 1e-3
-#: Levels below one that can do nothing of what it asks go on at this share of their speed.
-_SLOWEST = 1e-3
 
 
 @final
@@ -61,31 +60,30 @@ class ResidualDamping:
         weighed = sum(block.dim for block in layout.kinematic)
         held = [*layout.kinematic[: tasks.start], *layout.exact]
         motions = problem.G[layout.motion_row :]
-        self._rows, self._left = problem.G[of_tasks], problem.value[problem.item(of_tasks.start) :][:rows]
-        self._weights = problem.weights[of_tasks.start - problem.soft.start :][:rows]
         gain = motion.rate if motion.order == 1 else motion.kp
         step = dt if motion.order == 1 else 4.0 * dt**2
-        #: λ, the step, a residual that needs no damping, and whether any joint is damped.
-        self._numbers = np.array([factor, step, 0.0, 0.0])
-        #: Weight that the joints have without it (nj,).
-        self.base = np.zeros(nj)
-        #: Weight of the damping of each joint (nj,), and which of the unknowns y the joints are.
-        self.applied, self.columns = np.zeros(nj), slice(nb - layout.n_u, nv - layout.n_u)
-        #: a = −rate v is what is wanted of each joint (nj,).
-        self.rate = np.zeros(nj)
-        self._memory = Memory(
-            np.array([len(blocks), rows, nj, problem.n + 1, nb, len(held), weighed, len(motions)], dtype=np.int64),
-            starts.astype(np.int64),
-            self._numbers, self._rows, self._left, self._weights, gain[own], motion.kd[own], motion.e[own], self.base,
-            self.applied, np.zeros((len(blocks), nj)), self.rate, np.zeros(rows), *np.zeros((3, nj)),
-            np.array([(block.motion.start, block.motion.stop) for block in held], dtype=np.int64), motions,
-            problem.weights[layout.motion_row - problem.soft.start :][:weighed], np.zeros((2, nv)),
+        sizes = [len(blocks), rows, nj, problem.n + 1, nb, len(held), weighed, len(motions)]
+        memory = RESIDUAL.arrays(
+            np.array(sizes, dtype=np.int64), first=starts.astype(np.int64), numbers=np.array([factor, step, 0.0, 0.0]),
+            G=problem.G[of_tasks], left=problem.value[problem.item(of_tasks.start) :][:rows],
+            weights=problem.weights[of_tasks.start - problem.soft.start :][:rows],
+            gain=gain[own], kd=motion.kd[own], e=motion.e[own], G_held=motions,
+            held=np.array([(block.motion.start, block.motion.stop) for block in held], dtype=np.int64),
+            weights_held=problem.weights[layout.motion_row - problem.soft.start :][:weighed],
         )  # fmt: skip
+        #: λ, the step, a residual that needs no damping, and whether any joint is damped.
+        self._numbers = memory.numbers
+        #: Weight that the joints have without it (nj,).
+        self.base = memory.base
+        #: Weight of the damping of each joint (nj,), and which of the unknowns y the joints are.
+        self.applied, self.columns = memory.applied, slice(nb - layout.n_u, nv - layout.n_u)
+        #: a = −rate v is what is wanted of each joint (nj,).
+        self.rate = memory.rate
         #: What a level that is damped by itself costs beside its tasks: weight of each joint, and what it wants there.
-        self.weights, self.wanted = np.zeros(nj), np.zeros(nj)
+        self.weights, self.wanted = memory.cost
+        self._memory = Memory(*memory)
         #: For the compiled code that reads what the last answer left.
         self.address = self._memory.address
-        self._J = self._rows[:, nb:nv]
         self.reset()
 
     def reset(self) -> None:
@@ -102,28 +100,6 @@ class ResidualDamping:
     def is_on(self) -> bool:
         """Whether any joint is damped."""
         return bool(self._numbers.item(3) != 0.0)
-
-    def stalled(self, v: Vec) -> Vec:
-        """Ratio of the residual of the tasks to the motion that the damped joints made, (nj,), at least 0.
-
-        That is d/σ² for a task along the direction of its residual, σ² the curvature that J has there.
-        """
-        largest = float(self.applied.max(initial=0.0))
-        if largest == 0.0:
-            return np.zeros(len(self.applied))
-        asked = self._rows[:, -1] - self._J @ (self.rate * v)
-        before, after = (float((self._weights * r).dot(r)) ** 0.5 for r in (asked, self._left))
-        done = max(before - after, _SLOWEST * before)
-        found: Vec = self.applied / largest * (min(after, before) / done) if before > 0.0 else 0.0 * self.applied
-        return found
-
-    def slow(self, stalled: Vec, rate: Vec) -> None:
-        """Damp the joints by this many times the curvature of the tasks, besides."""
-        more = stalled * (self.base + self._weights @ self._J**2)
-        total = self.applied + more
-        self.rate[:] = np.divide(self.rate * self.applied + rate * more, total, out=rate.copy(), where=total > 0.0)
-        self.applied[:] = total
-        self._numbers[3] = total.any()
 
 
 @final
@@ -148,22 +124,31 @@ class Damping:
         self, layout: Layout, motion: MotionRows, problem: RowProblem, factor: float, dt: float, *, least: float
     ) -> None:
         self._made_of = layout, motion, problem, factor, dt
-        self._order, self._least = motion.order, least
+        self._least = least
         self._split([0])
-        self._v = np.zeros(layout.model.nj)
-        #: Whether a level was damped in the last fill.
-        self.follows = False
+        self._connect([])
         #: Tasks on the joints at the levels that are damped.
         self._on_joints: list[tuple[ResidualDamping, RowTask]] = []
-        #: What a task does in part it brakes with all of its kd: where it stands, kd and J.
-        self._braking: list[tuple[ResidualDamping, Vec, Vec, Mat]] = []
 
     def _split(self, ends: Sequence[int]) -> None:
         """One damping for the tasks between two of these numbers each, and one in the metric for those behind."""
         parts = [slice(*pair) for pair in pairwise([*ends, len(self._made_of[0].kinematic)])]
         *self.of_levels, self.in_metric = self._all = [ResidualDamping(*self._made_of, tasks=part) for part in parts]
-        #: Of each damping its address.
-        self.addresses = np.array([damping.address for damping in self._all], dtype=np.int64)
+
+    def _connect(self, braking: Sequence[tuple[int, slice, Vec]]) -> None:
+        """The memory of all dampings. What a task does in part it brakes with all of its kd: the place of its level,
+        its motion rows and their drift."""
+        layout, motion, problem, _, _ = self._made_of
+        nj, rows = layout.model.nj, problem.G[layout.motion_row :]
+        brakes = [(k, own.start, own.stop, drift.__array_interface__["data"][0]) for k, own, drift in braking]
+        sizes = [len(self._all), nj, len(brakes), len(rows), problem.n + 1, layout.model.nb, motion.order]
+        memory = DAMPINGS.arrays(
+            np.array(sizes, dtype=np.int64), at=np.array([damping.address for damping in self._all], dtype=np.int64),
+            least=np.array([self._least]), brakes=np.array(brakes, dtype=np.int64), kd=motion.kd[: len(rows)], G=rows,
+        )  # fmt: skip
+        self._memory, self._braked = Memory(*memory), [drift for _, _, drift in braking]
+        #: For the compiled code of a tick.
+        self.address = self._memory.address
 
     def pulls(self, ranks: Sequence[Rank]) -> list[Pull | None]:
         """Of each stage of these ranks what damps it; the last stage has its damping in the metric.
@@ -182,14 +167,16 @@ class Damping:
             base = self.in_metric.base
             self._split(np.cumsum([0, *(sum(task.kinematic for task in rank.tasks) for rank in upper)]).tolist())
             self.in_metric.base[:] = base
-            for rank, damping in zip(upper, self.of_levels, strict=True):
+            braking: list[tuple[int, slice, Vec]] = []
+            for k, (rank, damping) in enumerate(zip(upper, self.of_levels, strict=True)):
                 joints = (task for task in rank.tasks if task.unknowns is not None and task.unknowns.start == first)
                 self._on_joints += [(damping, task) for task in joints]
                 turned = (part.task for stage in rank.directions for part in stage)
                 for task in turned if motion.order > 1 else ():
                     if task.kinematic and task.rows is not None:
                         own = slice(task.rows.start - layout.motion_row, task.rows.stop - layout.motion_row)
-                        self._braking.append((damping, task.drift, motion.kd[own], motion.J[own]))
+                        braking.append((k, own, task.drift))
+            self._connect(braking)
             self.read_weights()
         found: list[Pull | None] = []
         for rank in ranks:
@@ -210,21 +197,6 @@ class Damping:
         for damping, task in self._on_joints:
             damping.base += task.weights
 
-    def follow(self, v: Vec) -> None:
-        """After a fill for the velocities v (nv,): what the damping of each level wants, and brakes of its own."""
-        was_on, self.follows = self.follows, any(damping.is_on for damping in self.of_levels)
-        if self._order > 1:
-            self._v[:] = v[-len(self._v) :]
-        if not (was_on or self.follows):
-            return
-        for damping in self.of_levels:
-            damping.weights[:] = damping.applied + self._least if damping.is_on else 0.0
-            if damping.is_on:
-                damping.wanted[:] = -damping.applied / damping.weights * damping.rate * self._v
-        for damping, drift, kd, J in self._braking:
-            if damping.is_on:
-                drift += kd * (J @ v)
-
     def reset(self) -> None:
         """No damping, as before the first tick."""
         for damping in (self.in_metric, *self.of_levels):
@@ -244,16 +216,3 @@ class Damping:
         """Damp as another did, level by level, where the tasks have the same names."""
         for mine, theirs in zip(self._all, former._all, strict=False) if len(self._all) == len(former._all) else ():
             mine.go_on_from(theirs)
-
-    @np.errstate(all="ignore")
-    def slow(self) -> None:
-        """Damp what stands below a level that is damped, besides, once the last answer was read."""
-        nj = len(self.in_metric.rate)
-        stalled, rate = np.zeros(nj), np.zeros(nj)
-        for damping in self._all:
-            own = damping.stalled(self._v)
-            own_rate = damping.rate.copy()
-            if stalled.any():
-                damping.slow(stalled, rate)
-            rate = np.where(own > stalled, own_rate, rate)
-            np.maximum(stalled, own, out=stalled)

@@ -23,7 +23,7 @@ from wbc.stack.block import Block
 from wbc.stack.compiled import fill_kernel
 from wbc.stack.compiled.damping_kernel import share
 from wbc.stack.compiled.fill import CompiledFill
-from wbc.stack.compiled.fill_kernel import ANSWER, BOUND_SPOILT, FILL, LOOK, OBSERVE, SLOW
+from wbc.stack.compiled.fill_kernel import ANSWER, BOUND_SPOILT, FILL, LOOK, OBSERVE
 from wbc.stack.constraint import Barrier, TorqueBySpeed, torque_bounds
 from wbc.stack.contact import Anchor
 from wbc.stack.damping import Damping
@@ -175,13 +175,12 @@ class Plan(Filled):
 
     def answered_by(self, solver: RowSolver | None) -> None:
         """The solver whose code :meth:`answer` calls; its levels have their damping by now."""
-        p, weights, dampings = self.problem, self._joint_weights, self.damping.addresses
-        damping = self.damping.in_metric
+        p, weights, damping = self.problem, self._joint_weights, self.damping.in_metric
         own = damping.base, damping.applied, damping.rate, self.shares, p.metric[damping.columns]
         self._shares = Memory(np.array(weights.shape, dtype=np.int64), p.units, weights, *own)
         k = fill_kernel
-        self._call[[k.SHARES, k.DAMPINGS]] = self._shares.address, dampings.__array_interface__["data"][0]
-        self._call[[k.N_DAMPINGS, k.PLACE, k.SOLVER]] = len(dampings), *((0, 0) if solver is None else solver.kernel)
+        self._call[[k.SHARES, k.DAMPINGS]] = self._shares.address, self.damping.address
+        self._call[[k.PLACE, k.SOLVER]] = (0, 0) if solver is None else solver.kernel
 
     def _write_cones(self) -> None:
         """Constant rows K f <= 0, on the scaled forces."""
@@ -283,12 +282,7 @@ class Plan(Filled):
 
     def observe(self) -> None:
         """Before a fill: damp the joints by what the answer to the one before left of the kinematic tasks."""
-        if self._run(OBSERVE):
-            self._slow()
-
-    def _slow(self) -> None:
-        self.damping.slow()
-        share(self._shares.address)
+        self._run(OBSERVE)
 
     def fill(self, state: RobotState) -> None:
         """Write every row of the problem for this state.
@@ -304,8 +298,8 @@ class Plan(Filled):
     def answer(self, state: RobotState, solver: RowSolver, *, observes: bool) -> Status:
         """What ``observe``, ``fill`` and the solver do one after the other, in one compiled call.
 
-        For plans that are compiled, and the solver they are :meth:`answered_by`. A level that is damped, and what makes
-        no sense, is seen to between the stages.
+        For plans that are compiled, and the solver they are :meth:`answered_by`. What makes no sense is seen to between
+        the stages.
 
         Raises:
             MemberFailed: as :meth:`fill`.
@@ -318,15 +312,13 @@ class Plan(Filled):
             observes = False
         self._prepare(state)
         left = (OBSERVE if observes else 0) | FILL | LOOK | ANSWER
-        if self._failure is None and not (self._refusal or self.damping.follows):
+        if self._failure is None and not self._refusal:
             code = self._run(left)
             if code >= 0:
                 return solver.concluded(code)
             left = -code
         if left & OBSERVE:
             self.observe()
-        if left & SLOW:
-            self._slow()
         if left & FILL:
             self._fill(state)
         self._refuse_spoilt()
@@ -353,7 +345,6 @@ class Plan(Filled):
     def _fill(self, state: RobotState) -> None:
         """All rows, and whether they are finite."""
         self._run(FILL)
-        self.damping.follow(state.v)
         for block in self._bound.others:
             self._try(block.name, block.fill, state)
         if self._by_speed:

@@ -5,9 +5,12 @@ from __future__ import annotations
 from math import inf
 
 from wbc.compiled import call_at, carray, entry, floats, integers, part
-from wbc.stack.compiled.damping_kernel import CHANGED, UNCHANGED, is_damped, observe, share
+from wbc.stack.compiled.damping_kernel import follow, observe_all, share
 from wbc.stack.compiled.finish_kernel import write_all
 from wbc.stack.compiled.interval_kernel import joint_bounds
+
+#: Where the address of v (nv,) stands in what :func:`fill` reads.
+VELOCITY = 5
 
 
 @part
@@ -31,7 +34,7 @@ def fill(at: int) -> None:
     e, drift, rate_ref, acc_ref, wanted = numbers[0], numbers[1], numbers[2], numbers[3], numbers[4]
     kp, kd, rate, own_ed, writes_ed = numbers[5], numbers[6], numbers[7], numbers[8], numbers[9]
     share, centre = carray(floats(memory[3]), n_joint_blocks * nj), carray(floats(memory[4]), nv - n_u)
-    v, q = carray(floats(memory[5]), nv), carray(floats(memory[13]), nj)
+    v, q = carray(floats(memory[VELOCITY]), nv), carray(floats(memory[13]), nj)
 
     if sizes[13] > 0:
         write_all(sizes[13])
@@ -103,11 +106,11 @@ def spoilt(at: int) -> int:
     return found
 
 
-#: The stages of a tick, to be asked for one by one or together; and that a level is damped, which slows those below it.
-OBSERVE, FILL, LOOK, ANSWER, SLOW = 1, 2, 4, 8, 16
-#: What :func:`tick` reads: addresses of what ``fill`` reads, of the dampings, how many there are, of what ``share`` and
-#: ``spoilt`` read; place and argument of the solver's code. What it writes: what ``spoilt`` found.
-FILLS, DAMPINGS, N_DAMPINGS, SHARES, LOOKS, PLACE, SOLVER, SPOILT, NUMBER = range(9)
+#: The stages of a tick, to be asked for one by one or together.
+OBSERVE, FILL, LOOK, ANSWER = 1, 2, 4, 8
+#: What :func:`tick` reads: addresses of what ``fill``, the dampings, ``share`` and ``spoilt`` read; place and argument
+#: of the solver's code. What it writes: what ``spoilt`` found.
+FILLS, DAMPINGS, SHARES, LOOKS, PLACE, SOLVER, SPOILT, NUMBER = range(8)
 
 
 @entry
@@ -117,18 +120,11 @@ def tick(at: int, asked: int) -> int:
     Less than zero: minus the stages that are left, since what comes before them is not compiled.
     """
     m = carray(integers(at), NUMBER)
-    if asked & OBSERVE:
-        dampings = carray(integers(m[DAMPINGS]), m[N_DAMPINGS])
-        found, slows = UNCHANGED, False
-        for i in range(len(dampings)):
-            found = observe(dampings[i])
-            slows = slows or (i < len(dampings) - 1 and is_damped(dampings[i]))
-        if found == CHANGED:
-            share(m[SHARES])
-        if slows:
-            return int(-(asked & ~OBSERVE | SLOW))
+    if asked & OBSERVE and observe_all(m[DAMPINGS]):
+        share(m[SHARES])
     if asked & FILL:
         fill(m[FILLS])
+        follow(m[DAMPINGS], carray(integers(m[FILLS]), VELOCITY + 1)[VELOCITY])
     if asked & LOOK:
         m[SPOILT] = spoilt(m[LOOKS])
         if m[SPOILT]:

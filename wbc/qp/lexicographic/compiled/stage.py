@@ -43,8 +43,8 @@ _ROW, _DIM, _UNKNOWN, _WANTED, _DRIFT, _WEIGHTS, _SHARE = range(7)
 #: Addresses of the memory of the levels and of the core; the level that is hoped to be the first that is not met, and
 #: the one that was tried first.
 LEVELS_AT, CORE_AT, HOPE, FIRST = range(4)
-#: What :func:`hoped` says where levels have to be decided one by one.
-RANKED = -1
+#: What :func:`hoped` says where levels have to be decided one by one: another number than those of a search.
+RANKED = 4
 
 
 @kernel
