@@ -33,7 +33,7 @@ from wbc.qp.lexicographic.compiled.space import (
     space,
 )  # fmt: skip
 from wbc.qp.rows.compiled.linear import dot
-from wbc.qp.rows.compiled.search import answer
+from wbc.qp.rows.compiled.search import answer_near
 from wbc.qp.rows.compiled.work import (
     FAILED,
     INACCURATE,
@@ -144,7 +144,7 @@ def find(at: int, heavy: float) -> int:
         q.G[m + i, d] = w.a[i]
         q.lower[d + 1 + m + i] = q.upper[d + 1 + m + i] = 0.0
         q.given[i] = weight
-    code = answer(w.sizes[FINDER])
+    code = answer_near(w.sizes[FINDER])
     w.sizes[STEPS] += q.sizes[7] + q.sizes[8]
     w.sizes[FINDS] += 1
     if code == INACCURATE and q.proof[0] <= NEAR:
