@@ -53,6 +53,13 @@ def test_columns_stay_whole_in_a_narrow_terminal(wbc, monkeypatch):
     assert "\n  median: 1.2\n" in answer.out and "\n  failures: 0\n" in answer.out
 
 
+def test_a_library_that_does_not_run_is_said_to_and_compared_with_nothing(wbc, tmp_path):
+    (tmp_path / "bench_placo.py").touch()
+    answer = wbc("bench", "count", "--peers", ".", "--repeats", 1)
+    assert answer.code == 0 and "placo, did not run" in answer.out
+    assert "ratio" not in answer.out and "inf" not in answer.out
+
+
 def test_the_file_holds_every_row_whole(wbc, tmp_path):
     assert wbc("bench", "count", "--json", "rows.json", "--ticks", 7, "--repeats", 3, "--solver", "daqp").code == 0
     (row,) = json.loads((tmp_path / "rows.json").read_text())

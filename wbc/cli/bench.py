@@ -78,18 +78,19 @@ def _median(row: dict[str, Any]) -> float:
 def _print(rows: list[dict[str, Any]]) -> None:
     made = table("Time of one tick [µs]", "workload", "how", "median", "p99", "max", "failures", numbers=True)
     for row in rows:
-        times = row.get("total_us", {"median": inf, "p99": inf, "max": inf})
         how = row.get("variant", "") if _is_ours(row) else row["peer"] + ", measured before" * row.get("stored", False)
-        made.add_row(
-            row["workload"], Text(how), f"{times['median']:.1f}", f"{times['p99']:.1f}", f"{times['max']:.1f}",
-            str(row.get("solver_failures", "")),
-        )  # fmt: skip
+        if "total_us" not in row:
+            made.add_row(row["workload"], Text(f"{how}, did not run"))
+            continue
+        times = (f"{row['total_us'][kind]:.1f}" for kind in ("median", "p99", "max"))
+        made.add_row(row["workload"], Text(how), *times, str(row.get("solver_failures", "")))
     say(made)
     ours = [row for row in rows if _is_ours(row) and "split_us" in row]
     if ours:
         say("", _split(ours), "", _how_solved(ours))
-    if any("ratio_to" in row for row in ours):
-        say("", _ratios(ours))
+    compared = [row for row in ours if row.get("ratio_to")]
+    if compared:
+        say("", _ratios(compared))
 
 
 def _is_ours(row: dict[str, Any]) -> bool:
@@ -120,6 +121,6 @@ def _how_solved(rows: list[dict[str, Any]]) -> Any:
 def _ratios(rows: list[dict[str, Any]]) -> Any:
     made = table("Median, as a ratio to the libraries of the same sitting", "workload", "how", "ratio to")
     for row in rows:
-        ratios = ", ".join(f"{peer} {ratio:.2f}" for peer, ratio in row.get("ratio_to", {}).items())
+        ratios = ", ".join(f"{peer} {ratio:.2f}" for peer, ratio in row["ratio_to"].items())
         made.add_row(row["workload"], Text(row["variant"]), ratios)
     return made
