@@ -218,7 +218,7 @@ def _refined(F: Mat, f: Vec, E: Mat, e: Vec, A: Mat, a: Vec, x: Vec, unit: Vec) 
     # multipliers of dependent rows are not unique: a wrong sign may be exchanged against others
     left = held.T @ force + gradient
     # E y = e has a solution. One that misses it by more than rounding has dropped a row that counts.
-    missed = np.abs(held[: len(E)] @ y - right[: len(E)]) - 1e-11 * (np.abs(held) @ np.abs(y) + np.abs(right))[: len(E)]
+    missed = np.abs(held[: len(E)] @ y - right[: len(E)]) - 1e-13 * (np.abs(held) @ np.abs(y) + np.abs(right))[: len(E)]
     if np.abs(left).max(initial=0.0) > 1e-8 * scale or (missed > 0.0).any():
         return y * unit, False
     if len(A) and force[len(E) :].min() < -1e-8 * scale:
