@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import wbc
-from tasks import JointVelocityLimits, Position, Posture
+from tasks import JointVelocityLimits, Position, Posture, TorqueLimits
 from wbc.models.plausible import ImplausibleUnit
 
 ARM = wbc.load("arm")
@@ -46,3 +46,14 @@ def test_what_is_far_but_possible_is_not_doubted():
             (humanoid, Position(humanoid.frame_names[-1], target=[500.0, 0.0, 0.0])),
         ):  # fmt: skip
             wbc.Controller(robot, wbc.Stack([task]), level=LEVEL, dt=0.05).tick(0.0, robot.q0, np.zeros(robot.nv))
+
+
+@pytest.mark.parametrize(("most", "doubted"), [(2e-5, True), (1e-3, False)])
+def test_torques_limited_to_what_counts_as_met_are_doubted(most: float, *, doubted: bool):
+    stack = wbc.Stack([Posture(ARM.q0)], subject_to=[TorqueLimits(np.full(7, most))])
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        wbc.Controller(ARM, stack, level=wbc.InverseDynamics())
+    found = [str(one.message) for one in said if issubclass(one.category, ImplausibleUnit)]
+    assert bool(found) == doubted
+    assert all("a limit counts as met within 1e-06 N m: is this another unit?" in sentence for sentence in found)

@@ -379,5 +379,11 @@ def judge(control: wbc.Controller, command: wbc.Command, *, optimum: bool = True
     excess = problem.constraints.excess(problem.x)
     if excess > FEASIBLE:
         return Verdict("wrong", f"a constraint is violated by {excess:.2g}")
-    problem = problem._replace(constraints=problem.constraints.as_met_by(problem.x))
-    return JUDGES[type(control.hierarchy).__name__](problem) if optimum else Verdict("certified")
+    if not optimum:
+        return Verdict("certified")
+    c, rows = problem.constraints, control.plan.problem.n_range
+    width = (c.cu - c.cl)[:rows]
+    if ((width > 0.0) & (width < FEASIBLE)).any():  # an answer may be anywhere in it, and beside it
+        return Verdict("undecided", "a row is narrower than what counts as met")
+    problem = problem._replace(constraints=c.as_met_by(problem.x))
+    return JUDGES[type(control.hierarchy).__name__](problem)

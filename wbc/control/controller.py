@@ -122,6 +122,8 @@ class Controller(Solving):
                 f"solver {solver.name!r} cannot keep limits to {MET:g} in a control loop; it is for offline use"
             )
         super().__init__(robot, stack, level, hierarchy=hierarchy, solver=solver, dt=dt)
+        if level.dynamics:
+            plausible.torques(robot, *self.plans.whole.plan.torque_bounds)
         self._q_shape, self._v_shape = (robot.nq,), (robot.nv,)
         self._has_quaternion = robot.nb == 6 and robot.nq - robot.nj == 7
         self.components = stack.components

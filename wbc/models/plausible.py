@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wbc.tolerances import MET
 from wbc.types import Vec
 
 if TYPE_CHECKING:
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 _ROUNDING = 1e-2
 #: Radii of gyration √(I/m) [m] that no link has: thinner than a hair, wider than any robot.
 _THIN, _WIDE = 1e-5, 20.0
+#: A range of so many times what counts as met is exceeded by a hundredth of itself.
+_NARROW = 100.0
 #: A robot that reaches less far [m] may be one whose frames lie in its base.
 _SHORT = 0.1
 
@@ -63,6 +66,18 @@ def period(dt: float) -> None:
     """Ticks of half a second and more look like milliseconds."""
     if dt >= 0.5:
         doubt(f"dt is {dt:g} s: are these milliseconds?")
+
+
+def torques(model: RobotModel, lower: Vec, upper: Vec) -> None:
+    """Ranges of joint torques (nj,) not much wider than what counts as met look like another unit: none holds."""
+    narrow = upper - lower < _NARROW * MET
+    if narrow.any():
+        i = int(narrow.argmax())
+        unit = "N" if model.joint_units[i] == "m" else "N m"
+        doubt(
+            f"the torque of joint {model.joint_names[i]!r} is limited to [{lower[i]:g}, {upper[i]:g}] {unit}, "
+            f"and a limit counts as met within {MET:g} {unit}: is this another unit?"
+        )
 
 
 def inertias(robot: PinocchioModel) -> list[str]:
