@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import wbc
-from tests.families.hierarchies import FAMILIES, cases, judge, near_duplicates, problem
+from tests.families.hierarchies import FAMILIES, cases, far_scaled, judge, near_duplicates, problem
 from tests.seeds import SEED
 from wbc.types import Status
 
@@ -37,3 +37,9 @@ def test_an_answer_of_which_a_level_is_not_certified_has_no_certificate() -> Non
         assert answer.status is Status.SOLVED or not answer.certificate.ok
         found += answer.status is not Status.SOLVED
     assert found  # else there is nothing to see here
+
+
+def test_an_answer_in_which_a_level_below_costs_one_above_is_not_solved() -> None:
+    """Rows of 1e-4 and 1e4 in a level: what rounding hides holds an unknown, and the next level gains 0.4 % by it."""
+    p = problem(far_scaled, 1134, 266)
+    assert judge(p, wbc.lexicographic(p.levels, lb=p.lb, ub=p.ub)) == ""

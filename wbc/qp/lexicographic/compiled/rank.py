@@ -44,7 +44,7 @@ from wbc.types import Index, Mat, Vec
 
 NOT_DECIDED, IS_MET, IS_LEAST = 0, 1, 2
 #: What a level above may lose by what an answer of a level below is off by.
-_LITTLE = 1e-5
+_LITTLE = 1e-6
 #: Residuals up to this are too small to say what they are orthogonal to.
 _SLIGHT = 1e-3
 #: A level's own rows count from their lengths in its space, or from this share of the whole length.
