@@ -161,7 +161,7 @@ def observe(at: int) -> bool:
 
 @kernel
 def _stall(r: Residual, v: Vec, out: Vec) -> bool:
-    """Ratio of the residual of the tasks to the motion that the damped joints made, at least 0; whether any is not.
+    """Ratio of the residual of the tasks to the motion that the damped joints made; whether it is above 0 for any.
 
     That is d/σ² for a task along the direction of its residual, σ² the curvature that J has there.
     """
