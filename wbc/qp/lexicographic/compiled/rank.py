@@ -43,8 +43,8 @@ from wbc.tolerances import MET, NEAR
 from wbc.types import Index, Mat, Vec
 
 NOT_DECIDED, IS_MET, IS_LEAST = 0, 1, 2
-#: What a level above may lose by what an answer of a level below is off by.
-_LITTLE = 1e-6
+#: What a level above may lose to a level below, as a share of what is left of it, beside what counts as met.
+_LITTLE = 1e-5
 #: Residuals up to this are too small to say what they are orthogonal to.
 _SLIGHT = 1e-3
 #: A level's own rows count from their lengths in its space, or from this share of the whole length.
@@ -118,7 +118,7 @@ def keeps(at: int, k: int) -> bool:
             now += (r.root[row] * (r.left[row] + rows[row])) ** 2 * r.unit[i]
             if r.unmet[i] == 0.0 and not abs(rows[row]) <= NEAR:
                 return False
-        if r.unmet[i] != 0.0 and not sqrt(now) - sqrt(before) <= _LITTLE * (sqrt(before) + 1.0):
+        if r.unmet[i] != 0.0 and not sqrt(now) - sqrt(before) <= _LITTLE * sqrt(before) + MET:
             return False
     for row in range(r.level[0, 1], len(s.G)):
         if not abs(rows[row]) <= NEAR:
