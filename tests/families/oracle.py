@@ -383,7 +383,7 @@ def judge(control: wbc.Controller, command: wbc.Command, *, optimum: bool = True
         return Verdict("certified")
     c, rows = problem.constraints, control.plan.problem.n_range
     width = (c.cu - c.cl)[:rows]
-    if ((width > 0.0) & (width < FEASIBLE)).any():  # an answer may be anywhere in it, and beside it
+    if ((width > 0.0) & (width < FEASIBLE)).any():  # the optimum depends on what is left open
         return Verdict("undecided", "a row is narrower than what counts as met")
     problem = problem._replace(constraints=c.as_met_by(problem.x))
     return JUDGES[type(control.hierarchy).__name__](problem)

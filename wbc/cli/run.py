@@ -76,7 +76,7 @@ def run(
     by_name(solver)
     folder = place(out, chosen.name)
     require_extras()
-    interrupted = undrawn = False
+    interrupted, report = False, None
     with replaced(folder, ARRAYS_FILE) as pending, notes(told=not as_json), on_stderr():
         with progress(f"running {chosen.name}") as step, _shown(live, port):
             try:
@@ -90,8 +90,7 @@ def run(
             if not (pending / META_FILE).is_file():
                 raise
             (pending / HTML).unlink(missing_ok=True)  # half of it, perhaps
-            undrawn = True
-    if undrawn:
+    if report is None:
         raise KeyboardInterrupt(f"the run is in {folder}, and `wbc report run {folder}` draws its report")
     if as_json:
         print(json.dumps(summary(chosen.name, result, folder), allow_nan=False, ensure_ascii=False))

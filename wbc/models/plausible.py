@@ -69,7 +69,7 @@ def period(dt: float) -> None:
 
 
 def torques(model: RobotModel, lower: Vec, upper: Vec) -> None:
-    """Ranges of joint torques (nj,) not much wider than what counts as met look like another unit: none holds."""
+    """Ranges of joint torques (nj,) not much wider than what counts as met look like another unit: they do not hold."""
     narrow = upper - lower < _NARROW * MET
     if narrow.any():
         i = int(narrow.argmax())

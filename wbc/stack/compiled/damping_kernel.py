@@ -41,7 +41,7 @@ class Residual(NamedTuple):
     G_held: Annotated[Mat, "all_rows, width"]
     weights_held: Annotated[Vec, "weighed"]
     square: Annotated[Mat, "2, column + nj"]
-    sizes: Annotated[Index, "8"]  # tasks, rows, nj, width, column of the first joint, how many are held, rows there
+    sizes: Annotated[Index, "8"]  # tasks, rows, nj, width, first joint's column, blocks held, rows with weights, all
 
 
 RESIDUAL = Layout(
@@ -56,7 +56,7 @@ class Dampings(NamedTuple):
     """Views of the memory of all dampings of a plan, those of levels first and that of the metric last."""
 
     at: Annotated[Index, "count"]  # addresses
-    v: Annotated[Vec, "nj"]  # where the last fill was, at order 2
+    v: Annotated[Vec, "nj"]  # joint velocities of the last fill, at order 2
     stalled: Annotated[Vec, "nj"]
     rate: Annotated[Vec, "nj"]
     own: Annotated[Mat, "2, nj"]  # the same two, of one damping
