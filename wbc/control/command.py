@@ -78,8 +78,8 @@ class Command:
     """
 
     __slots__ = (
-        "_a", "_certificate", "_controller", "_f", "_forces", "_levels", "_q", "_q_before", "_serial", "_solution",
-        "_split_forces", "_tau", "_v", "_v_before", "fallback_level", "status",
+        "_a", "_before", "_certificate", "_controller", "_f", "_forces", "_levels", "_q", "_serial", "_solution",
+        "_split_forces", "_tau", "_v", "fallback_level", "status",
     )  # fmt: skip
 
     # ``v``, ``a`` and ``tau`` come as arrays that cannot be written: this runs in every tick.
@@ -89,8 +89,7 @@ class Command:
         status: Status,
         fallback_level: str,
         certificate: Proof,
-        q: Vec,
-        v_before: Vec,
+        moment: Vec,
         v: Vec | None = None,
         a: Vec | None = None,
         tau: Vec | None = None,
@@ -100,10 +99,9 @@ class Command:
         self._split_forces = controller.split_forces
         self._serial = controller.serial
         self.status, self.fallback_level, self._certificate = status, fallback_level, certificate
-        self._levels: tuple[Outcome, ...] | Callable[[], tuple[Outcome, ...]] = ()
-        if fallback_level not in _WITHOUT_LEVELS:
-            self._levels = controller.answering.report
-        self._q_before, self._v_before = q, v_before
+        self._levels: tuple[Outcome, ...] | Callable[[], tuple[Outcome, ...]] = controller.answering.report
+        #: q and v (nq + nv,) of the tick. Bytes: they are rarely read, and an array takes twice as long to copy.
+        self._before = moment.tobytes()
         self._v, self._a, self._tau, self._forces = v, a, tau, forces
         self._q: Vec | None = None
         self._f: Forces | None = None
@@ -115,7 +113,7 @@ class Command:
         values |= {
             f"_{name}": getattr(self, name) for name in ("certificate", "levels", "tau", "a", "v", "q", "f", "forces")
         }
-        kept = ("_q_before", "_v_before", "_solution")
+        kept = ("_before", "_solution")
         return values | {name: getattr(self, name) for name in kept} | {"_controller": None, "_serial": -1}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -144,7 +142,7 @@ class Command:
     def levels(self) -> tuple[Outcome, ...]:
         """The result of each level; empty under ``Weighted``, or if no hierarchy solver made this command."""
         if not isinstance(self._levels, tuple):
-            self._levels = self._levels()
+            self._levels = () if self.fallback_level in _WITHOUT_LEVELS else self._levels()
         return self._levels
 
     @property
@@ -164,16 +162,18 @@ class Command:
     def v(self) -> Vec:
         """Velocity (nv,) at the end of the tick: commanded, or v + a dt."""
         if self._v is None:
-            self._v = read_only(self._v_before + self._owner.dt * self.a)
+            owner = self._owner
+            self._v = read_only(np.frombuffer(self._before)[owner.model.nq :] + owner.dt * self.a)
         return self._v
 
     @property
     def q(self) -> Vec:
         """Configuration (nq,) at the end of the tick: q ⊕ dt (v + ½ a dt), or q ⊕ dt v at the velocity level."""
         if self._q is None:
-            dt = self._owner.dt
-            mean = self.v if self._a is None else self._v_before + 0.5 * dt * self._a
-            self._q = read_only(self._owner.model.integrate(self._q_before, dt * mean))
+            model, dt = self._owner.model, self._owner.dt
+            q, v = np.split(np.frombuffer(self._before), [model.nq])
+            mean = self.v if self._a is None else v + 0.5 * dt * self._a
+            self._q = read_only(model.integrate(q, dt * mean))
         return self._q
 
     @property

@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import Any, final
 
 import numpy as np
-from scipy.linalg.blas import ddot
 
 from wbc import checks
 from wbc.control.command import Command
 from wbc.control.explain import explain, reproducer
+from wbc.control.measured import Measured
 from wbc.control.recovery import FallbackSequence, Recovery
 from wbc.control.solving import Solving
 from wbc.control.watchdog import Watch, Watchdog
@@ -35,14 +35,8 @@ from wbc.stack.overrides import Overrides
 from wbc.stack.plan import Plan
 from wbc.stack.plans import Plans
 from wbc.stack.stack import Stack
-from wbc.tolerances import MET, ROUNDING, SHARP
+from wbc.tolerances import MET
 from wbc.types import Status, Vec
-
-#: Squares of numbers [m, rad, m/s or rad/s] beyond which no state can be: their own rounding would be felt.
-_HUGE = 1.0 / SHARP**2
-#: A quaternion whose norm differs from one by no more than this is rounded, and is normalised.
-_ROUNDED = 1e-3
-_NUMBERS = np.dtype(np.float64)
 
 
 @final
@@ -76,8 +70,7 @@ class Controller(Solving):
     """
 
     __slots__ = (
-        "_acceleration", "_former", "_has_quaternion", "_kept", "_q_shape", "_solved", "_started", "_v_shape",
-        "components", "fallbacks", "watch",
+        "_acceleration", "_former", "_kept", "_solved", "_started", "components", "fallbacks", "measured", "watch",
     )  # fmt: skip
 
     #: The plan that the tick before was solved with.
@@ -88,6 +81,8 @@ class Controller(Solving):
     _acceleration: Vec
     _started: bool
     _kept: Sequence[Component]
+    #: What the last tick was given.
+    measured: Measured
 
     def __init__(
         self,
@@ -124,8 +119,7 @@ class Controller(Solving):
         super().__init__(robot, stack, level, hierarchy=hierarchy, solver=solver, dt=dt)
         if level.dynamics:
             plausible.torques(robot, *self.plans.whole.plan.torque_bounds)
-        self._q_shape, self._v_shape = (robot.nq,), (robot.nv,)
-        self._has_quaternion = robot.nb == 6 and robot.nq - robot.nj == 7
+        self.measured = Measured(robot)
         self.components = stack.components
         self.reset()
 
@@ -201,14 +195,16 @@ class Controller(Solving):
         """
         watch = self.watch
         start = watch.now() if watch.timed else 0.0
-        t, q, v = self.read(t, q, v)
+        measured = self.measured
+        t, q, v = measured.read(t, q, v)
         self.ticks += 1
         self.serial += 1
-        self.why = self.implausible(t, q, v) or watch.seen(t)
+        self.why = measured.take(t, q, v) or watch.seen(t)
         if self.why:
             command = self.fallbacks.invalid()
         else:
-            command = self._decide(t, q, v) if self.mode.is_compiled else self._decide_in_silence(t, q, v)
+            decide = self._decide if self.mode.is_compiled else self._decide_in_silence
+            command = decide(t, measured.moment)
         intervals = self.plan.intervals
         if intervals is not None and intervals.remembers:
             intervals.remember(self._accelerated(command))
@@ -237,46 +233,9 @@ class Controller(Solving):
         self.why = f"{self.why}; {failure}" if self.why else failure
         self.fallbacks.spoilt(command, self.why)
 
-    def read(self, t: Any, q: Any, v: Any) -> tuple[float, Vec, Vec]:
-        """Copies of the arguments as numbers of the right shape.
-
-        Raises:
-            InvalidInput: q or v has another shape, or an argument is not real numbers.
-        """
-        try:
-            t = t if type(t) is float else float(checks.floats(t)[()])
-            q = q.copy() if type(q) is np.ndarray and q.dtype is _NUMBERS else checks.floats(q)
-            v = v.copy() if type(v) is np.ndarray and v.dtype is _NUMBERS else checks.floats(v)
-        except Exception as cause:  # a conversion may raise whatever it likes
-            text = f"{type(cause).__name__}: {cause}"
-            raise InvalidInput(f"tick(t, q, v) takes a time [s] and two vectors of real numbers: {text}") from None
-        if q.shape != self._q_shape or v.shape != self._v_shape:
-            name, vector, shape = ("v", v, self._v_shape) if q.shape == self._q_shape else ("q", q, self._q_shape)
-            raise InvalidInput(f"{name} must have shape {shape}, not {vector.shape}")
-        return t, q, v
-
-    def implausible(self, t: float, q: Vec, v: Vec) -> str:
-        """The reason why a state is impossible, or "". A quaternion of nearly norm 1 is normalised in place."""
-        if not -_HUGE < ddot(q, q) + ddot(v, v) + t < _HUGE:  # ddot: in silence where the squares overflow
-            if not -_HUGE < t < _HUGE:
-                return f"t is {t:g}"
-            if not self._has_quaternion or not np.isfinite(q).all() or abs(q[3:7]).max() < _HUGE**0.5:
-                for name, vector in (("q", q), ("v", v)):
-                    sound = np.abs(vector) < _HUGE**0.5
-                    if not sound.all():
-                        return f"{name}[{sound.argmin()}] is {vector[sound.argmin()]:g}"
-            return f"the base's quaternion q[3:7] has norm {np.hypot.reduce(q[3:7]):g}"
-        if self._has_quaternion:
-            square = ddot(q, q, 4, 3, 1, 3)  # of q[3:7]
-            if not -ROUNDING < square - 1.0 < ROUNDING:
-                if abs(square - 1.0) > 2.0 * _ROUNDED:
-                    return f"the base's quaternion q[3:7] has norm {square**0.5:g}"
-                q[3:7] /= square**0.5
-        return ""
-
-    def _decide(self, t: float, q: Vec, v: Vec) -> Command:
+    def _decide(self, t: float, moment: Vec) -> Command:
         state = self.state
-        state.update(t, q, v)
+        state.move(t, moment)
         try:
             if self.mode.in_one_call and self._started and not self.components:
                 observes, self._solved = self._solved is self.plan, None
@@ -287,21 +246,21 @@ class Controller(Solving):
                 status = self.solve_with(self.mode.solver)
         except WbcError as failure:
             self.why = str(failure)
-            return self.fallbacks.failed(q, v)
+            return self.fallbacks.failed(moment)
         self.status, plan = status, self.plan
         if plan.stopping is not None and status is Status.SOLVED:
             plan.stopping.keep(plan, state, self._solve_again)
             status = self.status
         if status is not Status.SOLVED:
-            return self.fallbacks.descend(status, q, v)
+            return self.fallbacks.descend(status, moment)
         if plan.intervals is not None and plan.intervals.recovering:
             self.why = plan.intervals.recovery(state.q_joints)
         if plan.barriers and (notes := plan.notes):
             self.why = "; ".join([*([self.why] if self.why else []), *notes])
         self._solved = plan
-        command = self.decode(q, v)
+        command = self.decode(moment)
         if self.fallbacks.failures:
-            return self.fallbacks.resume(command, q, v)
+            return self.fallbacks.resume(command, moment)
         self.fallbacks.good = command
         return command
 

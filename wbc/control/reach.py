@@ -208,9 +208,10 @@ class _Search:
             InvalidInput: it is none.
         """
         q = checks.array("start", start, (self._robot.nq,))
-        if why := self._controller.implausible(0.0, q, np.zeros(self._robot.nv)):
+        measured = self._controller.measured
+        if why := measured.take(0.0, q, np.zeros(self._robot.nv)):
             raise InvalidInput(f"start: {why}")
-        return q
+        return measured.q.copy()
 
     def without(self, limit: Any) -> _Search:
         """The same search without one of the limits."""

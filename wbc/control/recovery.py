@@ -141,12 +141,12 @@ class FallbackSequence:
     @np.errstate(all="ignore")
     def invalid(self) -> Command:
         """The command for a state that cannot be right."""
-        return self._fail(Status.INVALID_STATE, *self._expected())
+        return self._fail(Status.INVALID_STATE, self._expected())
 
     @np.errstate(all="ignore")
-    def failed(self, q: Vec, v: Vec) -> Command:
+    def failed(self, moment: Vec) -> Command:
         """The command of a tick in which a member failed, so that there is no problem to solve: hold, or brake."""
-        return self._fail(Status.FAILED, q, v)
+        return self._fail(Status.FAILED, moment)
 
     def spoilt(self, command: Command, why: str) -> None:
         """Write down what failed once the command was decided, a component or a clock: the command stands, not ok."""
@@ -154,7 +154,7 @@ class FallbackSequence:
         self._write_down(command, why)
 
     @np.errstate(all="ignore")
-    def descend(self, status: Status, q: Vec, v: Vec) -> Command:
+    def descend(self, status: Status, moment: Vec) -> Command:
         """The command of the first fallback level that has one."""
         controller, start = self._controller, perf_counter()
         controller.why = controller.why or controller.plan.not_finite()
@@ -163,7 +163,7 @@ class FallbackSequence:
             if status is not Status.INFEASIBLE and (weaker is None or weaker.level != NOT_OPTIMISED):
                 answer = self._other_solver(status)
                 if answer.ok:
-                    return self._certified(Status.SOLVED, "other solver", q, v, controller.answering.proof)
+                    return self._certified(Status.SOLVED, "other solver", moment, controller.answering.proof)
                 other = self._weaker(answer)
                 if other is not None and (weaker is None or WEAKER.index(other.level) < WEAKER.index(weaker.level)):
                     weaker = other
@@ -171,23 +171,23 @@ class FallbackSequence:
             if weaker is not None and status is not Status.INFEASIBLE:
                 controller.plan.problem.value[:] = weaker.value
                 controller.answering = weaker.solver
-                return self._certified(weaker.status, weaker.level, q, v, weaker.solver.certificate)
+                return self._certified(weaker.status, weaker.level, moment, weaker.solver.certificate)
             controller.status = status
             unlimited = controller.plan.unlimited_joints(*controller.plan.joint_bound_rows)
             if not unlimited:
                 found = self._relaxed(start) if status is Status.INFEASIBLE else None
                 if found is not None:
-                    return self._certified(status, "relaxed", q, v, found)
+                    return self._certified(status, "relaxed", moment, found)
                 if self.failures < self.recovery.hold_ticks and self._in_time(start) and self._closed_form():
                     self.failures += 1
-                    return self._note(controller.decode(q, v, status, "closed form", _NO_PROOF))
+                    return self._note(controller.decode(moment, status, "closed form", _NO_PROOF))
             elif status is Status.INFEASIBLE:
                 more = [f"{len(unlimited) - 3} more"] if len(unlimited) > 3 else []
                 named = ", ".join([*unlimited[:3], *more])
                 controller.why = f"the rows contradict each other; none is relaxed, as no limit bounds {named}"
-        return self._fail(status, q, v)
+        return self._fail(status, moment)
 
-    def resume(self, command: Command, q: Vec, v: Vec) -> Command:
+    def resume(self, command: Command, moment: Vec) -> Command:
         """The command of an answered tick: after a stop a brake, until enough ticks in a row have an answer."""
         stopped = self.failures > self.recovery.hold_ticks
         self._answered += 1
@@ -197,7 +197,7 @@ class FallbackSequence:
             controller.why = (
                 f"braking until {self.recovery.resume_after} ticks in a row have an answer: {self._answered} so far"
             )
-            return self._note(self._bounded(Status.FAILED, "damped", q, v, None))
+            return self._note(self._bounded(Status.FAILED, "damped", moment, None))
         solved_again = self.failures and command.status.ok
         self._note(command, f"solved again after {self.failures} failures" if solved_again else "")
         self.good, self.failures = command, 0
@@ -310,41 +310,41 @@ class FallbackSequence:
         return budget is None or perf_counter() - start < budget
 
     # ---- commands
-    def _certified(self, status: Status, level: str, q: Vec, v: Vec, proof: Proof) -> Command:
+    def _certified(self, status: Status, level: str, moment: Vec, proof: Proof) -> Command:
         self._controller.status = status
-        return self.resume(self._controller.decode(q, v, status, level, proof), q, v)
+        return self.resume(self._controller.decode(moment, status, level, proof), moment)
 
-    def _fail(self, status: Status, q: Vec, v: Vec) -> Command:
+    def _fail(self, status: Status, moment: Vec) -> Command:
         """Hold, or brake."""
         controller = self._controller
         self.failures += 1
         self._answered = 0
         controller.status = status
         held = self.good if self.failures <= self.recovery.hold_ticks else None
-        return self._note(self._bounded(status, "damped" if held is None else "hold", q, v, held))
+        return self._note(self._bounded(status, "damped" if held is None else "hold", moment, held))
 
-    def _bounded(self, status: Status, name: str, q: Vec, v: Vec, held: Command | None) -> Command:
+    def _bounded(self, status: Status, name: str, moment: Vec, held: Command | None) -> Command:
         controller = self._controller
         state, level, fallback = controller.state, controller.level, Fallback(controller.plan)
-        state.update(state.t, q, v)
+        state.move(state.t, moment)
         if level.order == 1:
-            last = v if controller.last is None else controller.last.v
+            last = state.v if controller.last is None else controller.last.v
             decided = read_only(fallback.velocity(state, None if held is None else held.v, last))
-            return Command(controller, status, name, _NO_PROOF, q=q, v_before=v, v=decided)
+            return Command(controller, status, name, _NO_PROOF, moment=moment, v=decided)
         a = read_only(fallback.acceleration(state, None if held is None else held.a))
         if not level.dynamics:
-            return Command(controller, status, name, _NO_PROOF, q=q, v_before=v, a=a)
+            return Command(controller, status, name, _NO_PROOF, moment=moment, a=a)
         carrying = None if self.good is None else self.good.tau
         tau = read_only(fallback.torque(state, a, None if held is None else held.tau, carrying))
         forces = None if held is None else held.forces
-        return Command(controller, status, name, _NO_PROOF, q=q, v_before=v, a=a, tau=tau, forces=forces)
+        return Command(controller, status, name, _NO_PROOF, moment=moment, a=a, tau=tau, forces=forces)
 
-    def _expected(self) -> tuple[Vec, Vec]:
+    def _expected(self) -> Vec:
         """The state that the last command was to reach; before any, the robot's reference at rest."""
         last, model = self._controller.last, self._controller.model
         if last is None or not np.isfinite(last.q).all():
-            return np.array(model.q0), np.zeros(model.nv)
-        return last.q, last.v
+            return np.concatenate([model.q0, np.zeros(model.nv)])
+        return np.concatenate([last.q, last.v])
 
     def _note(self, command: Command, why: str = "") -> Command:
         controller = self._controller

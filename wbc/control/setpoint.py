@@ -94,10 +94,10 @@ class Setpoint:
         Raises:
             InvalidInput: q or v has another shape, or is not numbers.
         """
-        controller = self.controller
-        t, q, v = controller.read(t, q, v)
-        if not controller.implausible(t, q, v):
-            q, v = self._chosen(q, v)
+        controller, measured = self.controller, self.controller.measured
+        t, q, v = measured.read(t, q, v)
+        if not measured.take(t, q, v):
+            q, v = self._chosen(measured.q.copy(), measured.v.copy())
         command = controller.tick(t, q, v)
         if self._begun:
             self.q, self.v = command.q, command.v

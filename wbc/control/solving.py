@@ -129,20 +129,20 @@ class Solving:
             return Status.FAILED
 
     def decode(
-        self, q: Vec, v: Vec, status: Status = Status.SOLVED, fallback_level: str = "solved", proof: Proof | None = None
+        self, moment: Vec, status: Status = Status.SOLVED, fallback_level: str = "solved", proof: Proof | None = None
     ) -> Command:
-        """The command that the answer in the plan's memory means."""
+        """The command that the answer in the plan's memory means, decided in ``moment`` (nq + nv,), q and v."""
         plan, proof = self.plan, self.answering.proof if proof is None else proof
         parts, value = plan.layout, plan.problem.value.copy()
         value.setflags(False)  # type: ignore[call-arg]  # a keyword takes twice as long as all else
         motion = value[parts.motion_items]
         if self._level.order == 1:
-            return Command(self, status, fallback_level, proof, q, v, motion)
+            return Command(self, status, fallback_level, proof, moment, motion)
         if not self._level.dynamics:
-            return Command(self, status, fallback_level, proof, q, v, None, motion)
+            return Command(self, status, fallback_level, proof, moment, None, motion)
         tau = plan.applied.actuators.command(value[parts.torque_items])
         forces = self.mode.all_forces, value, plan.force_scale
-        return Command(self, status, fallback_level, proof, q, v, None, motion, tau, forces)
+        return Command(self, status, fallback_level, proof, moment, None, motion, tau, forces)
 
     # ---- what others read
     @property

@@ -16,7 +16,7 @@ from typing import Any, Protocol, Self, final
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg.blas import dcopy, dgemv
+from scipy.linalg.blas import dgemv
 
 from wbc import checks
 from wbc.errors import InvalidInput, UnknownFrame, UnknownJoint
@@ -183,8 +183,8 @@ class RobotState(Known):
 
     def __init__(self, model: RobotModel, *, drifts: bool = True) -> None:
         self.model, self.drifts, self.t = model, drifts, 0.0
-        self._q, self._v = np.array(model.q0), np.zeros(model.nv)
-        self._q_shape, self._v_shape = self._q.shape, self._v.shape
+        self._moment = np.concatenate([model.q0, np.zeros(model.nv)])
+        self._q, self._v = self._moment[: model.nq], self._moment[model.nq :]
         self.q, self.v = view(self._q, self._q), view(self._v, self._v)
         self.q_joints, self.v_joints = self.q[model.nq - model.nj :], self.v[model.nb :]
         self._zero, self._gravity = np.zeros(model.nv), np.concatenate([model.gravity, np.zeros(3)])
@@ -207,16 +207,17 @@ class RobotState(Known):
         Raises:
             InvalidInput: q or v has another shape; the state stays as it was.
         """
-        # Assignment would stretch a scalar. Attributes, not np.shape: this runs every tick.
-        try:
-            fits = q.shape == self._q_shape and v.shape == self._v_shape
-        except AttributeError:
-            fits = False
-        if not fits:
+        # Assignment would stretch a scalar.
+        if getattr(q, "shape", None) != self._q.shape or getattr(v, "shape", None) != self._v.shape:
             self._refuse(q, v)
+        self._q[...] = q
+        self._v[...] = v
+        self.move(t, self._moment)
+
+    def move(self, t: float, moment: Vec) -> None:
+        """Move to time t [s] and the configuration and velocity that are one array, ``moment`` (nq + nv,)."""
         self.__dict__["t"] = t  # no assignment: this runs every tick
-        dcopy(q, self._q)
-        dcopy(v, self._v)
+        self._moment[...] = moment
         for call in self._calls:
             call()
 

@@ -313,7 +313,7 @@ class Plan(Filled):
         self._prepare(state)
         left = (OBSERVE if observes else 0) | FILL | LOOK | ANSWER
         if self._failure is None and not self._refusal:
-            code = self._run(left)
+            code = fill_kernel.tick(self._called, left)
             if code >= 0:
                 return solver.concluded(code)
             left = -code

@@ -75,7 +75,7 @@ class CoreSolver(RowSolver):
         self.counts.add(guesses, steps)
         status = _ANSWERED.get(code)
         if status is not None:
-            numbers, owners = self._report.copy(), self._owners
+            numbers, owners = self._report.tobytes(), self._owners
             self.proof = lambda: proven(numbers, owners)
             return status
         self.reset()
@@ -106,7 +106,7 @@ class CoreSolver(RowSolver):
         ``push`` (n_rows,) holds the pushes of range rows, tasks and equalities.
         """
         self.push[:] = push
-        return proven(self._report.copy(), self._owners) if judge(self.address) else Certificate.none()
+        return proven(self._report.tobytes(), self._owners) if judge(self.address) else Certificate.none()
 
     def sharpened(self) -> Vec:
         """The pushes certified last, those of the tasks changed so that the bound is the least.

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from wbc.qp.certificate import Bounds, Certificate
 from wbc.qp.rows.problem import RowProblem
-from wbc.types import Vec
 
 #: Primal, dual, gap, the scales of these two, distance and spread stand before what a unit of spread is of each row.
 NUMBERS = 7
 
 
-def proven(numbers: Vec, owners: Mapping[str, list[int]]) -> Certificate:
-    """What ``numbers`` prove, as :mod:`wbc.qp.rows.compiled.verify` wrote them."""
+def proven(written: bytes, owners: Mapping[str, list[int]]) -> Certificate:
+    """What the numbers prove that :mod:`wbc.qp.rows.compiled.verify` wrote, as bytes: they are kept in every tick."""
+    numbers = np.frombuffer(written)
     primal, dual, gap, scale_dual, scale_gap, distance, spread = numbers[:NUMBERS].tolist()
     reach = numbers[NUMBERS:]  # how far a row moves per unit of ``spread``
 
