@@ -24,11 +24,12 @@ from llvmlite.binding import add_symbol
 from llvmlite.ir import FunctionType, IntType
 from numba.core import event
 from numba.extending import intrinsic, models, register_model
+from numba.np.arrayobj import np_cfarray
 from numpy.typing import NDArray
 
 __all__ = [
-    "Layout", "Memory", "call_at", "callee", "carray", "entry", "floats", "forget_stale", "integers", "kernel", "part",
-    "place_of", "small_kernel",
+    "Layout", "Memory", "call_at", "callee", "carray", "copy", "entry", "floats", "forget_stale", "integers", "kernel",
+    "part", "place_of", "small_kernel",
 ]  # fmt: skip
 
 # All that a compiler may do with sums but to suppose that numbers are finite: a certificate must see NaN.
@@ -40,7 +41,8 @@ _F = TypeVar("_F", bound=Callable[..., Any])
 
 
 def _kept(make: Callable[..., Any], **more: Any) -> Any:
-    how = {"fastmath": _FAST, "error_model": "numpy", **more}
+    # Kernels make no arrays, so that there are no references to count: a tenth less to compile.
+    how = {"fastmath": _FAST, "error_model": "numpy", "_nrt": False, **more}
     try:
         return make(cache=True, **how)
     except RuntimeError:  # no folder to keep machine code in may be written
@@ -48,7 +50,13 @@ def _kept(make: Callable[..., Any], **more: Any) -> Any:
 
 
 def _made(function: _F, **more: bool) -> Any:
-    return _kept(lambda **how: _numba.njit(**how)(function), nogil=True, **more)
+    made = _kept(lambda **how: _numba.njit(**how)(function), nogil=True, **more)
+    if _numba.config.DISABLE_JIT:
+        return made
+    # Else a kernel that somebody gives the number 0, written as such, would be compiled once more for 0 alone.
+    typed = made.get_call_template
+    made.get_call_template = lambda given, named: typed([_types.unliteral(one) for one in given], named)
+    return made
 
 
 def kernel(function: _F) -> _F:
@@ -213,11 +221,22 @@ def _call_at() -> Any:
     return intrinsic(to)
 
 
+def _carray() -> Any:
+    if _numba.config.DISABLE_JIT:
+        return _numba.carray
+
+    def array(_context: Any, pointer: Any, shape: Any) -> Any:
+        dimensions = shape.count if isinstance(shape, _types.BaseTuple) else 1
+        return _types.Array(pointer.dtype, dimensions, "C")(pointer, shape), np_cfarray
+
+    return intrinsic(array)
+
+
 #: In a kernel: ``call_at(place, number)`` is the answer to the number of the part (:func:`place_of`) or
 #: :class:`callee` at that place.
 call_at: Any = _call_at()
 #: In a kernel: ``carray(floats(address), shape)`` is the array there, as ``carray(integers(address), shape)`` is.
-carray: Any = _numba.carray
+carray: Any = _carray()
 floats: Any = _pointer(_types.float64, ctypes.c_double)
 integers: Any = _pointer(_types.int64, ctypes.c_int64)
 
@@ -238,6 +257,13 @@ class Memory:
         #: Of each array, and of this vector.
         self.addresses = np.array([array.__array_interface__["data"][0] for array in arrays], dtype=np.int64)
         self.address = int(self.addresses.__array_interface__["data"][0])
+
+
+@small_kernel
+def copy(numbers: NDArray[Any], out: NDArray[Any]) -> None:
+    """In a kernel: as many numbers as ``out`` has. An assignment to a slice would need memory of its own."""
+    for i in range(len(out)):
+        out[i] = numbers[i]
 
 
 _T = TypeVar("_T", bound=tuple[NDArray[Any], ...])

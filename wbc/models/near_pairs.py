@@ -41,7 +41,7 @@ class NearPairs:
         shapes, radius = tables(shape.geometry for shape in geometry.geometryObjects)
         n, m = geometry.ngeoms, len(geometry.collisionPairs)
         counts = np.array([n, len(shapes[3]), len(shapes[5])], dtype=np.int64)
-        work = np.zeros((4, 3)), np.zeros((4, 8)), np.zeros(4), np.zeros(4)
+        work = np.zeros((4, 3)), np.zeros((4, 8)), np.zeros(4), np.zeros(4), np.zeros(12)
         here, there = placements(self.data), placements(self.beside)
         bodies, beside = (Memory(counts, where, *shapes, *work) for where in (here, there))
         #: (m LINES + 1, 10): distance, direction from the first shape to the second and both points, as found last.

@@ -44,19 +44,20 @@ class Bodies(NamedTuple):
     P: Mat  # (4, 8): their points in both shapes, each in its own axes, and which corners of hulls these are
     share: Vec  # (4)
     before: Vec  # (4)
+    held: Vec  # (12): the placement of a body while it is turned
 
 
 @small_kernel
 def bodies(at: int) -> Bodies:
     """The arrays whose addresses are at ``at``, in the order of :class:`Bodies`, behind their numbers."""
-    m = carray(integers(at), 13)
+    m = carray(integers(at), 14)
     s = carray(integers(m[0]), 3)
     n, c = s[0], s[1]
     return Bodies(
         carray(floats(m[1]), (n, 12)), carray(integers(m[2]), n), carray(floats(m[3]), (n, 2)), carray(floats(m[4]), n),
         carray(floats(m[5]), (c, 3)), carray(integers(m[6]), c + 1), carray(integers(m[7]), s[2]),
         carray(integers(m[8]), n), carray(floats(m[9]), (4, 3)), carray(floats(m[10]), (4, 8)),
-        carray(floats(m[11]), 4), carray(floats(m[12]), 4),
+        carray(floats(m[11]), 4), carray(floats(m[12]), 4), carray(floats(m[13]), 12),
     )  # fmt: skip
 
 

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from math import cos, pi, sin, sqrt
 
-from wbc.compiled import kernel, small_kernel
+from wbc.compiled import copy, kernel, small_kernel
 from wbc.models.compiled.gjk import Bodies, search
 from wbc.types import Mat, Vec
 
@@ -84,7 +84,8 @@ def turned(s: Bodies, first: int, second: int, lines: Mat, simplex: Mat, start: 
     n0, n1, n2 = line[1], line[2], line[3]
     u0, u1, u2 = _basis(A, n0, n1, n2)
     c0, c1, c2 = 0.5 * (line[4] + line[7]), 0.5 * (line[5] + line[8]), 0.5 * (line[6] + line[9])
-    held = B.copy()
+    held = s.held
+    copy(B, held)
     for turn in range(TURNS):
         a, b = cos(2.0 * pi * (turn + 0.31) / TURNS), sin(2.0 * pi * (turn + 0.31) / TURNS)
         x = a * u0 + b * (n1 * u2 - n2 * u1)
@@ -106,6 +107,5 @@ def turned(s: Bodies, first: int, second: int, lines: Mat, simplex: Mat, start: 
                 new[1], new[2], new[3] = n0, n1, n2
                 new[0] = n0 * (new[7] - new[4]) + n1 * (new[8] - new[5]) + n2 * (new[9] - new[6])
                 count += 1
-    for i in range(12):
-        B[i] = held[i]
+    copy(held, B)
     return count

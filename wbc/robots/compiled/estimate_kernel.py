@@ -5,21 +5,20 @@ from __future__ import annotations
 from math import inf, isfinite, sqrt
 from typing import Annotated, NamedTuple
 
-from wbc.compiled import Layout, entry, kernel, small_kernel
+from wbc.compiled import Layout, copy, entry, kernel, small_kernel
 from wbc.robots.compiled.filter_kernel import (
     Filter,
     cholesky,
+    copy_estimate,
     correct,
     distance,
     doubt,
     exponentials,
     filter_at,
     innovation,
-    keep,
     level,
     place,
     predict,
-    restore,
 )  # fmt: skip
 from wbc.types import Index, Mat, Vec
 
@@ -357,7 +356,8 @@ def _smooth(e: Estimate) -> None:
 def _move_on(e: Estimate, f: Filter) -> None:
     """Where the robot is by now: the last accelerations went on."""
     late, q, v = e.numbers[LATE], e.out_q, e.out_v
-    q[:], v[:] = e.q, e.v
+    copy(e.q, q)
+    copy(e.v, v)
     if late == 0.0:
         return
     for i in range(e.sizes[JOINTS]):
@@ -405,7 +405,7 @@ def foresee(at: int) -> int:
     bad = _bad(e)
     if bad:
         return bad
-    keep(f)
+    copy_estimate(f, False)
     clock = e.clock
     dt = clock[NOW] - clock[BEFORE] if isfinite(clock[BEFORE]) else 0.0
     clock[STEP] = dt
@@ -443,11 +443,12 @@ def settle(at: int) -> int:
     if isfinite(e.clock[BEFORE]):
         _roll(e, f)
     if not _stay(e, f):
-        restore(f)
+        copy_estimate(f, True)
         return 1
     _land(e, f)
     foreseen = e.gram[:3, :3]
-    foreseen[:] = e.base
+    for i in range(3):
+        copy(e.base[i], foreseen[i])
     _attitude(e, f)
     _smooth(e)
     for i in range(3):
@@ -458,11 +459,16 @@ def settle(at: int) -> int:
         after, before = (i + 1) % 3, (i + 2) % 3
         e.now_q[i] = f.p[i] - arm
         e.now_v[i] = speed - (e.now_v[3 + after] * e.lever[before] - e.now_v[3 + before] * e.lever[after])
-    if not (_finite(e.now_q) and _finite(e.now_v) and _finite(f.P.ravel())):
-        restore(f)
+    sound = _finite(e.now_q) and _finite(e.now_v)
+    for i in range(len(f.P)):
+        sound = sound and _finite(f.P[i])
+    if not sound:
+        copy_estimate(f, True)
         return 1
-    e.q[:], e.v[:], e.a[:] = e.now_q, e.now_v, e.now_a
-    e.since[:] = e.now_since
+    copy(e.now_q, e.q)
+    copy(e.now_v, e.v)
+    copy(e.now_a, e.a)
+    copy(e.now_since, e.since)
     _remember(e, foreseen)
     for i in range(e.sizes[FEET]):
         e.touches[i] = 1 if e.does[i] else 0

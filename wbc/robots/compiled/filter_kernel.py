@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import inf, sin, sqrt
 from typing import Annotated, NamedTuple
 
-from wbc.compiled import Layout, kernel, small_kernel
+from wbc.compiled import Layout, copy, kernel, small_kernel
 from wbc.types import Index, Mat, Vec
 
 #: Where the errors are in ξ: of R, v, p, of both biases, and of the first point.
@@ -90,24 +90,23 @@ def crossed(x: Vec, A: Mat, i: int, j: int) -> float:
     return float(x[after] * A[before, j] - x[before] * A[after, j])
 
 
-@kernel
-def keep(f: Filter) -> None:
-    """Take down the estimate."""
-    at = 0
-    for array in (f.R.ravel(), f.v, f.p, f.bias, f.d.ravel(), f.P.ravel()):
-        for i in range(len(array)):
-            f.kept[at] = array[i]
-            at += 1
+@small_kernel
+def _copied(x: Vec, kept: Vec, at: int, restores: bool) -> int:
+    """Numbers into ``kept`` from place ``at`` on, or back; the place behind them."""
+    behind = at + len(x)
+    copy(kept[at:] if restores else x, x if restores else kept[at:behind])
+    return behind
 
 
 @kernel
-def restore(f: Filter) -> None:
-    """Go back to the estimate that was kept."""
+def copy_estimate(f: Filter, restores: bool) -> None:
+    """Take down the estimate, or go back to the one that was taken down."""
     at = 0
-    for array in (f.R.ravel(), f.v, f.p, f.bias, f.d.ravel(), f.P.ravel()):
-        for i in range(len(array)):
-            array[i] = f.kept[at]
-            at += 1
+    for vector in (f.v, f.p, f.bias):
+        at = _copied(vector, f.kept, at, restores)
+    for matrix in (f.R, f.d, f.P):
+        for i in range(len(matrix)):
+            at = _copied(matrix[i], f.kept, at, restores)
 
 
 @kernel

@@ -17,7 +17,7 @@ from __future__ import annotations
 from math import atan2, cos, inf, pi, sin, sqrt
 from typing import NamedTuple
 
-from wbc.compiled import carray, entry, floats, integers, kernel, small_kernel
+from wbc.compiled import carray, copy, entry, floats, integers, kernel, small_kernel
 from wbc.tolerances import NOISE, SAME
 from wbc.types import Index, Mat, Vec
 
@@ -200,7 +200,7 @@ def _decide(f: _Follower) -> None:
         still = still and abs(f.left[i]) <= little and moves <= little
     if still:
         f.sizes[2] = RESTS
-        f.place[:] = f.sample
+        copy(f.sample, f.place)
     for i in range(n):
         if still:
             f.v[i] = f.a[i] = f.jerk[i] = f.brakes[i] = f.left[i] = 0.0
@@ -218,7 +218,9 @@ def follow(at: int) -> int:
     while f.sizes[2] == MOVES and f.time[0] >= f.time[1]:
         f.time[0] -= f.time[1]
         _look(f, f.time[1])
-        f.place[:], f.v[:], f.a[:] = f.there, f.rate, f.second
+        copy(f.there, f.place)
+        copy(f.rate, f.v)
+        copy(f.second, f.a)
         _decide(f)
     if f.sizes[2] == RESTS:
         f.time[0] = 0.0

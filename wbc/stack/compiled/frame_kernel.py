@@ -9,23 +9,22 @@ from wbc.types import Mat, Vec
 
 
 @kernel
-def turn_error(target: Mat, R: Mat, work: Vec) -> Vec:
-    """log(R_target Rᵀ); ``work`` (12,) is memory."""
-    S, w = work[:9].reshape((3, 3)), work[9:12]
+def turn_error(target: Mat, R: Mat, work: Vec) -> None:
+    """log(R_target Rᵀ), the last three numbers of ``work`` (12,)."""
+    S = work[:9].reshape((3, 3))
     for i in range(3):
         for j in range(3):
             S[i, j] = target[i, 0] * R[j, 0] + target[i, 1] * R[j, 1] + target[i, 2] * R[j, 2]
-    log3(S, w)
-    return w
+    log3(S, work[9:12])
 
 
 @kernel
 def pose_error(k: Rows, target: Mat, place: Vec, R: Mat, p: Vec, work: Vec) -> None:
     """e = (p_target − p, log(R_target Rᵀ)), of these six the rows ``numbers``."""
-    w = turn_error(target, R, work)
+    turn_error(target, R, work)
     for r in range(len(k.e)):
         row = int(k.numbers[r])
-        k.e[r] = place[row] - p[row] if row < 3 else w[row - 3]
+        k.e[r] = place[row] - p[row] if row < 3 else work[6 + row]
 
 
 @callee
@@ -117,9 +116,9 @@ def admittance(at: int) -> int:
         k.e[i] = k.value[9 + i] + compliance[i] * wrench[i] - k.place[0, 9 + i]
         turn[i] = compliance[3 + i] * wrench[3 + i]
     turn_by(1.0, turn, k.value[:9], target)
-    w = turn_error(target.reshape((3, 3)), R, k.work[12:])
+    turn_error(target.reshape((3, 3)), R, k.work[12:])
     for i in range(3):
-        k.e[3 + i] = w[i]
+        k.e[3 + i] = k.work[21 + i]
     for r in range(6):
         k.e[r] *= held[r]
         k.C[r, r] = 1.0
