@@ -56,6 +56,15 @@ def test_a_curve_is_read_back_to_a_step_of_its_range(values: list[float]):
             assert step == STEPS + 1
 
 
+def test_on_a_logarithmic_axis_small_values_are_as_exact_as_large_ones():
+    fall = 10.0 ** np.linspace(2, -14, 200)
+    plot = Plot("fall", "fall", "m", np.arange(200.0), [Curve("e", fall)], log="y")
+    found = data(Report("t", "s", None, [Section("S", [plot])], clock=Clock(200.0, 1.0)))
+    assert found is not None
+    (packed,) = (array["f32"] for array in found["arrays"] if "f32" in array)
+    np.testing.assert_allclose(np.frombuffer(base64.b64decode(packed), "<f4"), fall, rtol=1e-6)
+
+
 def test_an_array_that_stands_twice_is_packed_once():
     t = np.arange(5.0)
     plots = [Plot(name, name, "m", t, [Curve("a", t**2)]) for name in "ab"]

@@ -148,6 +148,7 @@ def _plot(plot: Plot, arrays: Arrays, names: Sequence[str]) -> dict[str, Any]:
         x = plot.x if curve.x is None else curve.x
         place = names.index(curve.label) if curve.label in names else k
         over.setdefault(x.tobytes(), (x, []))[1].append((place if curve.run is None else curve.run, curve))
+    pack = arrays.single if "y" in plot.log else arrays.stepped  # steps of equal size are coarse near zero
     tables = []
     for x, mine in over.values():
         values = np.column_stack([curve.values for _, curve in mine]) if mine else np.zeros((len(x), 0))
@@ -155,7 +156,7 @@ def _plot(plot: Plot, arrays: Arrays, names: Sequence[str]) -> dict[str, Any]:
         tables.append({
             "x": arrays.exact(x[rows]),
             "curves": [
-                {"label": curve.label, "values": arrays.stepped(curve.values[rows]), "shown": curve.shown,
+                {"label": curve.label, "values": pack(curve.values[rows]), "shown": curve.shown,
                  "faint": curve.faint, "colour": colour, "dash": curve.dash}
                 for colour, curve in mine
             ],

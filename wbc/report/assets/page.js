@@ -191,7 +191,8 @@
           dash: curve.colour < 8 ? dashes[curve.dash % dashes.length] : [5, 3],
           value: (u, v, series, row) => {  // of a run with other ticks the last value before
             for (let back = row - 20; v === undefined && row > Math.max(back, 0);) v = u.data[series][--row];
-            return reduced(v == null ? v : Number(v.toFixed(arrays[curve.values].decimals)));
+            const { decimals } = arrays[curve.values];
+            return reduced(v == null || decimals === undefined ? v : Number(v.toFixed(decimals)));
           }, ...bars,
         })),
         ...(spec.strips.length ? [{ show: false, label: "" }] : []),
