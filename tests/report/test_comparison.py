@@ -67,6 +67,12 @@ def test_of_many_curves_those_that_were_largest_in_any_run_are_seen(changed: Cal
     assert shown[:2] == [f"{robot.joint_names[2]}, one", f"{robot.joint_names[2]}, two"] and len(shown) == 6
 
 
+def test_curves_that_no_run_shows_on_its_own_page_are_not_seen(results: dict[str, ScenarioResult]):
+    shown = [curve.label for curve in plots(results)["tracking.Posture"].curves if curve.shown]
+    of = wbc.load("humanoid").nj
+    assert shown == [f"{what}, {name}" for what in (f"largest of {of}", "rms") for name in ("usual", "hard")]
+
+
 def test_what_differs_is_said_and_nothing_else(results: dict[str, ScenarioResult]):
     (table,) = was_set({name: result.run for name, result in results.items()})
     assert isinstance(table, Table) and list(table.rows) == [["parameter push", None, "120"]]
@@ -160,6 +166,16 @@ def test_both_robots_and_both_curves_follow_one_clock(tab: Browser):
     assert "Why, usual, at 0.250 s" in said and "Why, hard, at 0.250 s" in said
     tab.run("report.go(1.0)")  # the second has ended: it stands where it did
     assert "Why, hard, at 0.590 s" in tab.run("document.body.innerText")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed to look at the page with")
+def test_a_legend_lists_what_is_seen_of_both_runs_first(tab: Browser):
+    shown = tab.run(
+        """report.plots.find(p => report.data.plots[p.box.dataset.plot].name === "tracking.Posture")
+        .u.series.slice(1).map(s => s.show)"""
+    )
+    assert shown[:4] == [True] * 4 and not any(shown[4:])
 
 
 @pytest.mark.slow

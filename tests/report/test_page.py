@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from wbc.control.recorder import Run
 from wbc.models import load
 from wbc.report import run_report, write
 from wbc.sim.scenario import Check, Place, ScenarioResult
 
 from .browser import Browser, browser, installed
-from .conftest import standing_run
+from .conftest import result_of, standing_run
 
 CHROMIUM = installed()
 pytestmark = [
@@ -188,6 +190,16 @@ def test_the_cursor_says_which_rows_were_active_and_at_what_price(tab: Browser):
     left, top, width, height = shown(tab, "limits")
     tab.click(left + 0.07 / 1.19 * width, top + 0.25 * height)
     assert "Why, at 0.070 s: infeasible" in tab.run(said) and "no certified solution" in tab.run(said)
+
+
+def test_of_a_tick_without_a_record_of_its_residuals_there_is_a_dash(
+    chromium: Browser, changed: Callable[..., Run], tmp_path: Path
+):
+    run, gone = standing_run(), np.full((120, 1), np.nan)
+    write(run_report(result_of(changed(run, **{"residual.CenterOfMass": gone}), load("humanoid"))), tmp_path)
+    chromium.open(tmp_path / "report.html")
+    cells = chromium.run("[...document.querySelectorAll('[data-why] tr')].map(row => row.cells[2].textContent)")
+    assert cells == ["residual", "–", "0.25 m/s², 0.25 rad/s²", "0.25 rad/s²"]
 
 
 @pytest.mark.parametrize("width", [390, 940, 1400])

@@ -68,3 +68,9 @@ def test_stills_are_one_picture_of_some_moments():
     robot = load("arm")
     figure = stills(reaching_run(), robot, parts(robot), moments=3)
     assert figure.kind == "png" and figure.data.startswith(b"\x89PNG") and len(figure.data) > 5000
+    assert figure.caption == "The robot at the start, at the end and between."
+
+
+def test_stills_of_a_run_with_a_push_say_so():
+    robot = load("humanoid")
+    assert "at the ends of pushes" in stills(standing_run(), robot, parts(robot), moments=3).caption

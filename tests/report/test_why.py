@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
+from wbc.control.recorder import Run
 from wbc.report.document import Plot
 from wbc.report.sections import limits
 from wbc.report.why import held, row_names, shares, why
@@ -13,6 +16,15 @@ from .conftest import reaching_run, result_of, standing_run
 
 def test_rows_are_named_with_their_side_where_they_do_not_say_it():
     assert row_names(standing_run()) == ["TorqueLimits: left_knee, upper bound", "friction[left_sole]: fy <= mu fz"]
+
+
+def test_a_task_without_a_target_has_no_error(changed: Callable[..., Run]):
+    run = standing_run()
+    found = why(changed(run, **{"error.Posture": np.zeros_like(run["error.Posture"])}))
+    assert found is not None
+    assert {part.task: list(part.error) for part in found.parts} == {
+        "CenterOfMass": ["m"], "Frame[left_hand]": ["m", "rad"], "Posture": [],
+    }  # fmt: skip
 
 
 def test_shares_of_the_cost_are_those_of_the_ticks_that_cost_something():

@@ -136,18 +136,20 @@ def _over(names: Sequence[str], of: Mapping[int, Plot]) -> Plot:
     first = next(iter(of.values()))
     every = [curve for plot in of.values() for curve in plot.curves]
     labels = list(dict.fromkeys(curve.label for curve in every))
+    seen = set(labels)
     if len(labels) > MOST:  # seen at first: what is seen on the runs' own pages, the largest of any run
         size = {label: (0, 0.0) for label in labels}
         for curve in every:
             largest = float(np.nanmax(np.abs(curve.values), initial=0.0))
             size[curve.label] = max(size[curve.label], (curve.shown + (curve.shown and not curve.faint), largest))
         labels.sort(key=size.__getitem__, reverse=True)
+        seen = {label for label in labels[:MOST] if size[label][0]}
     curves = []
     for dash, label in enumerate(labels):
         for run, plot in of.items():
             said = names[run] if len(labels) == 1 else f"{label}, {names[run]}"
             curves += [
-                Curve(said, curve.values, dash < MOST, run=run, dash=dash, x=plot.x)
+                Curve(said, curve.values, label in seen, run=run, dash=dash, x=plot.x)
                 for curve in plot.curves if curve.label == label
             ]  # fmt: skip
     strips = [

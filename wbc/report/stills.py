@@ -65,7 +65,8 @@ def stills(
             axes.axis("off")
             axes.set_title(f"{moving.times[i]:.1f} s", loc="center", fontsize=8.5)
         drawing.savefig(memory, format="png", dpi=170, metadata={"Software": None})
-    caption = "The robot at the start, at the end, at the ends of pushes and between."
+    pushed = ", at the ends of pushes" if measure.pushes(run) else ""
+    caption = f"The robot at the start, at the end{pushed} and between."
     return Figure("motion", caption, memory.getvalue(), "png")
 
 

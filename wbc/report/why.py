@@ -49,7 +49,8 @@ def why(run: Run) -> Why | None:
         return None
     errors = {task: measure.errors(run, task) for task in measure.tasks(run)}
     parts = [
-        Part(task, {unit: np.linalg.norm(error, axis=1) for unit, error in errors.get(task, {}).items()},
+        Part(task, {unit: np.linalg.norm(error, axis=1) for unit, error in errors.get(task, {}).items()
+                    if np.any(error)},  # a task without a target, such as a gradient, has no error
              _by_unit(run, task), share)
         for task, share in shares(run).items()
     ]  # fmt: skip

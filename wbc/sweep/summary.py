@@ -274,7 +274,11 @@ def _dependence(results: Sequence[Result], found: Sequence[Demand]) -> Iterator[
         parts = np.array_split(order, min(_BINS, len(order)))
         shares = [(float(good[part].mean()), *interval(int(good[part].sum()), len(part))) for part in parts]
         share, low, high = (100.0 * np.array(column) for column in zip(*shares, strict=True))
-        curves = [Curve("went well", share), Curve("95 % from", low, faint=True), Curve("to", high, faint=True)]
+        curves = [
+            Curve("went well", share),
+            Curve("95 % interval, lower end", low, faint=True),
+            Curve("upper end", high, faint=True),
+        ]
         centres = np.array([float(x[part].mean()) for part in parts])
         yield Plot(f"share-{k}", "Went well", "%", centres, curves, over=name, zero=True, dots=True)
         if missed is not None and missed.varies:

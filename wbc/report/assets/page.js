@@ -154,8 +154,9 @@
   function make(box) {
     const spec = data.plots[box.dataset.plot];
     const tables = spec.tables.map((table) => [arrays[table.x], ...table.curves.map((curve) => arrays[curve.values])]);
-    const [x, ...columns] = tables.length > 1 ? uPlot.join(tables) : tables[0], first = x[0], final = x[x.length - 1];
-    const curves = spec.tables.flatMap((table) => table.curves);
+    const [x, ...unsorted] = tables.length > 1 ? uPlot.join(tables) : tables[0], first = x[0], final = x[x.length - 1];
+    const every = spec.tables.flatMap((table) => table.curves), order = [...every.keys()].sort((a, b) => every[b].shown - every[a].shown);
+    const curves = order.map((k) => every[k]), columns = order.map((k) => unsorted[k]);  // those that are seen come first
     const { head, hooks } = marks(spec);
     const whole = (u) => { const { min, max } = u.scales.x; return min == null || (min <= first + 1e-12 && max >= final - 1e-12); };
     const bounded = [...spec.bounds.filter((bound) => bound.along !== "x").map((bound) => bound.value), ...(spec.reach || [])];
@@ -351,7 +352,7 @@
       made.append(body);
       return made;
     };
-    const sizes = (list, k) => list.map(([values, unit]) => `${three(arrays[values][k])} ${unit}`).join(", ");
+    const sizes = (list, k) => list.filter(([values]) => arrays[values][k] != null).map(([values, unit]) => `${three(arrays[values][k])} ${unit}`).join(", ");
     const three = (v) => (v == null ? "–" : Math.abs(v) < 1e-12 ? "0" : Math.abs(v) < 1e-3 ? v.toExponential(2) : Number(v.toPrecision(3)).toString());
     let shown = -1;
     followers.push((now) => {
@@ -369,7 +370,7 @@
       panel.replaceChildren(
         cell("h3", `Why${why.name && `, ${why.name}`}, at ${t[k].toFixed(3)} s: ${why.statuses[Math.round(status[k])]}`),
         table(["task", "error", "residual", "share of cost"], tasks),
-        ...(solved ? [] : [cell("p", "This tick has no certified solution, so its tasks and rows are not listed. The section Verdict explains the first such tick.")]),
+        ...(solved ? [] : [cell("p", "This tick has no certified solution, so it has no residuals, shares or active rows. The section Verdict explains the first such tick.")]),
         ...(!solved ? [] : [cell("h3", rows.length ? "Active constraints, the largest multiplier first" : "No constraint is active")]),
         ...(rows.length ? [table(["constraint", "bound", "multiplier"], rows)] : []),
       );

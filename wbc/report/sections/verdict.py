@@ -29,7 +29,7 @@ def section(result: ScenarioResult) -> Section:
         items.append(Table(columns, rows, caption))
     if told := story(result):
         happened = [(_since(one), _until(one), one.label) for one in told]
-        items.append(Table(("from", "until", "event"), happened, "The events that led to the first failure."))
+        items.append(Table(("from", "until", "event"), happened, "What happened up to the first failure and after it."))
     failure = result.run.meta.get("failure")
     if failure:
         caption = "The text of Controller.explain(), the rows of one constraint together."
