@@ -117,8 +117,8 @@ class ArmActuatorLoss(Scenario):
             "released": {"task_rms_m": [s.rms for s in by["release"]]},
         }  # fmt: skip
         checks = [
-            Check("tool's error without an answer, rms, least of all", min(lost), ">", 0.04, "m"),
-            Check("with a brake, most of all", max(kept), "<", 5e-4, "m"),
+            Check("smallest rms error of the tool without an answer", min(lost), ">", 0.04, "m"),
+            Check("largest rms error of the tool with a brake", max(kept), "<", 5e-4, "m"),
             Check("first diagnosis names the joint", float(right), "=", float(len(kept)), "of all"),
             Check("longest from fault to brake", delay, "<=", 0.02, "s"),
             Check("joints that carry something", float(loaded), "=", float(len(lost)), "of all"),

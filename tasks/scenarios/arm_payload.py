@@ -185,7 +185,7 @@ def _section(shown: Sequence[Trial], errors: Mapping[str, Vec], true_mass: float
         ),
         Plot(
             "V", "V, with the true parameters", "", t, [Curve("V", run["signal.SlotineLi.V"])], [load], log="y",
-            caption="Before the load comes, V knows of it already: it falls from then on.",
+            caption="V is taken with the load's parameters from the start, and decreases once the load is there.",
         ),
     ]  # fmt: skip
     text = Text(

@@ -168,8 +168,8 @@ def _judged(trial: Trial, of: Setting, beside: Beside) -> ScenarioResult:
     checks = [
         Check("α* in the plane by formula minus 11/10", abs(by_formula - ALPHA_IN_PLANE), "<=", 1e-12),
         Check(f"α* in the plane by {of.solver} minus 11/10", abs(by_qp - ALPHA_IN_PLANE), "<=", 1e-8),
-        Check("QP costlier than the step, at most", costlier, "<=", 1e-8),
-        Check("QP and step apart where nothing limits", same, "<=", 1e-6, "rad/s"),
+        Check("largest cost of the QP minus that of the step", costlier, "<=", 1e-8),
+        Check("difference of QP and step where no limit is active", same, "<=", 1e-6, "rad/s"),
         Check("commanded speed beyond its share of the limit", max(over, 0.0), "<=", judge.TOLERANCE, "rad/s"),
         *judge.common_checks(run),
     ]  # fmt: skip
@@ -219,8 +219,8 @@ def _along_the_path(run: wbc.Run, of: Setting, beside: Beside) -> Section:
              caption="A gap: the task alone is beyond a limit, and no step exists."),
         Plot("pg-climb", "Rise of the manipulability by it, ∇Hᵀ(q̇ − q̇_r)", "m³/s", t,
              [Curve(name, beside.climb(v)) for name, v in both],
-             caption="The same while no joint is at its limit; then the QP, which drives the arm, leaves the ray of "
-             "the gradient and is never the costlier one."),
+             caption="Equal while no joint is at its limit. Where one is, the QP, which drives the arm, leaves the "
+             "direction of the gradient; its cost is never larger."),
         Plot("pg-speed", "Speed of the fastest joint over its limit", "", t,
              [Curve(name, (np.abs(v) / of.v_max).max(axis=1)) for name, v in both], [Bound(1.0, "limit")], zero=True),
     ]  # fmt: skip

@@ -136,7 +136,7 @@ def _limits(data: dict[str, Any]) -> list[str]:
     settings = data["settings"]
     return [
         f"The smallest of {settings['repeats']} times of each of {settings['ticks']} ticks, warm, one thread, one "
-        "machine. Ratios and exponents carry over to other machines better than microseconds.",
+        "machine. Ratios and exponents differ less between machines than times do.",
         "Robots, states and stacks are generated, with links of random mass. A tick includes the model update and the "
         "certificate. The time in Python does not grow with size and flattens the curves at small sizes.",
     ]

@@ -71,7 +71,7 @@ def _limits(data: Data) -> list[str]:
     settings = data["settings"]
     said = [
         f"Times are the least of {settings['rounds']} rounds on one machine, one thread, each solver in a process of "
-        "its own, in turns; ratios travel to other machines better than microseconds.",
+        "its own, in turns; ratios differ less between machines than times do.",
         "A time is that of a whole solve of this library, with its checks and its certificate, which the column "
         "wrapper shows. For back ends that run through qpsolvers it includes building the problem at each call.",
         "The default settings are those that a name stands for in this library (docs/solvers.md), not the back "

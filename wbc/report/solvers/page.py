@@ -82,5 +82,7 @@ def _tiles(data: Data, advised: list[Advice]) -> list[Tile]:
     solves = sum(len(m["status"]) for m in data["measures"])
     tiles.append(Tile("solves judged", f"{solves:,}".replace(",", " ")))
     wrong = sum(m["status"].count("INACCURATE") for m in data["measures"] if m["class"] == "default")
-    tiles.append(Tile("wrong solutions reported as solved", str(wrong), "bad" if wrong else "good"))
+    tiles.append(
+        Tile("wrong solutions reported as solved, at default settings", str(wrong), "bad" if wrong else "good")
+    )
     return tiles
