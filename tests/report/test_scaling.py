@@ -16,7 +16,8 @@ from wbc.errors import InvalidInput
 from wbc.report.html import html
 from wbc.report.markdown import markdown
 from wbc.report.scaling import scaled
-from wbc.report.scaling.page import page
+from wbc.report.scaling.page import page, plots
+from wbc.report.scaling.slope import Slope
 from wbc.sim.scenario import find
 from wbc.stack.stack import Stack
 
@@ -75,6 +76,16 @@ def test_the_exponent_is_that_of_the_larger_half():
     table = next(s for s in page(data).sections if s.title == "Curves").items[1]
     exponents = {row[1]: row[2] for row in table.rows}
     assert exponents == {"chosen form": "2.00 ± 0.01", "standard form": "0.00 ± 0.01"}
+
+
+def test_an_exponent_of_nearly_zero_has_no_sign():
+    assert str(Slope(-0.004, 14.4)) == "0.0 ± 14.4"
+
+
+def test_times_are_logarithmic_though_a_size_is_zero():
+    data = made({"chosen": [1.0, 2.0, 3.0, 4.0], "standard": [2.0, 3.0, 4.0, 5e5]}, sizes=(0, 1, 2, 3))
+    (plot,) = plots(data["rows"], data["titles"], {"chosen": "chosen form", "standard": "standard form"})
+    assert plot.log == "y" and not plot.zero
 
 
 def test_where_a_form_does_not_pay_is_said():

@@ -68,13 +68,13 @@ def _summary(rows: Sequence[Row], names: Sequence[str]) -> str:
 def plots(
     rows: Sequence[Row], titles: Mapping[str, str], kinds: Mapping[str, str], title: str = "median time of a tick"
 ) -> Iterator[Plot]:
-    """The times of every kind, by its label, along each axis in ``titles``; logarithmic where no size is zero."""
+    """The times of every kind, by its label, along each axis in ``titles``; sizes are logarithmic if none is zero."""
     for name, over in titles.items():
         found = {label: curve(rows, name, kind) for kind, label in kinds.items()}
         x = max((sizes for sizes, _ in found.values()), key=len)
         curves = [Curve(label, times) for label, (_, times) in found.items()]
-        yield Plot(f"scaling-{name}", title, "µs", x, curves, over=over, log="xy" if x.min() > 0 else "",
-                   zero=bool(x.min() <= 0), dots=True)  # fmt: skip
+        yield Plot(f"scaling-{name}", title, "µs", x, curves, over=over, log="xy" if x.min() > 0 else "y",
+                   dots=True)  # fmt: skip
 
 
 def exponents(rows: Sequence[Row], kinds: Mapping[str, str]) -> Table:

@@ -17,7 +17,7 @@ class Slope(NamedTuple):
 
     def __str__(self) -> str:
         places = 1 if self.half >= 0.1 else 2
-        return f"{self.exponent:.{places}f} ± {max(self.half, 0.1**places):.{places}f}"
+        return f"{round(self.exponent, places) + 0.0:.{places}f} ± {max(self.half, 0.1**places):.{places}f}"
 
 
 def slope(x: Vec, y: Vec) -> Slope | None:
