@@ -8,14 +8,17 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import wbc
 from wbc.control.recorder import Run
 from wbc.errors import InvalidInput
+from wbc.models.collision import Obstacle
+from wbc.models.geometry import Box, Cylinder, Sphere
 from wbc.report import run_report, save_report
 from wbc.report.document import Address, Bar, Bound, Curve, Figure, Link, Map, Marked, Plot, Section, Strip, Table, Text
-from wbc.report.kept import SECTIONS_FILE
+from wbc.report.kept import OBSTACLES_FILE, SECTIONS_FILE, keep_obstacles, kept_obstacles
 from wbc.report.record import beside, judged, judgement, report_again, write_run
 from wbc.sim.scenario import ScenarioResult
 
@@ -109,6 +112,34 @@ def test_runs_beside_a_run_are_saved_with_it_and_seen_through(standing: Scenario
     before = (tmp_path / "report.html").read_bytes()
     page, _ = report_again(tmp_path)
     assert page.read_bytes() == before
+
+
+def test_obstacles_are_drawn_again_where_they_were(standing: ScenarioResult, tmp_path: Path):
+    def swings(t: float) -> pin.SE3:
+        return pin.SE3(pin.rpy.rpyToMatrix(0.0, t, 0.1), np.array([1.0, np.sin(t), 0.3]))
+
+    around = [
+        Obstacle("post", Cylinder(0.1, 1.0), swings(0.0)), Obstacle("wall", Box((1.0, 0.1, 2.0)), swings(1.0)),
+        Obstacle("ball", Sphere(0.2), swings),
+    ]  # fmt: skip
+    write_run(replace(standing, run=standing_run(60), beside={"longer": standing_run()}, obstacles=around), tmp_path)
+    before = (tmp_path / "report.html").read_bytes()
+    page, _ = report_again(tmp_path)
+    assert page.read_bytes() == before
+    for old, new in zip(around, kept_obstacles(tmp_path), strict=True):
+        assert (old.name, old.shape) == (new.name, new.shape)
+        for t in standing_run()["t"]:
+            assert np.array_equal(old.at(float(t)).homogeneous, new.at(float(t)).homogeneous)
+
+
+def test_obstacles_that_somebody_broke_are_refused(tmp_path: Path):
+    keep_obstacles([Obstacle("ball", Sphere(0.2), pin.SE3.Identity())], np.zeros(1), tmp_path)
+    path = tmp_path / OBSTACLES_FILE
+    (one,) = json.loads(gzip.decompress(path.read_bytes()))
+    for broken in ({**one, "t": {**one["t"], "of": "", "shape": [0]}}, {**one, "name": {"is": "Ball"}}, 3):
+        path.write_bytes(gzip.compress(json.dumps([broken]).encode()))
+        with pytest.raises(InvalidInput, match="cannot be read"):
+            kept_obstacles(tmp_path)
 
 
 def test_what_a_scenario_shows_is_made_again_to_the_bit(reaching: ScenarioResult, tmp_path: Path):

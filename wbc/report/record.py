@@ -18,7 +18,7 @@ from wbc.files import located
 from wbc.report import measure
 from wbc.report.build import require_extras, run_report
 from wbc.report.folder import HTML, replaced, write
-from wbc.report.kept import keep_sections, kept_sections
+from wbc.report.kept import keep_obstacles, keep_sections, kept_obstacles, kept_sections
 from wbc.report.markdown import FIGURES
 from wbc.report.shapes import check_kinds, described
 from wbc.sim.provenance import machine, versions
@@ -78,8 +78,8 @@ def report_again(
 ) -> tuple[Path, RobotModel | None]:
     """Make the report in the folder of a run anew from ``run.npz`` and ``meta.json``; gives its path, and who is drawn.
 
-    Without ``robot`` the one of the run's name, or the planar robot of the record, is drawn. Obstacles are not in a
-    record: they are left out. The record itself stays.
+    Without ``robot`` the one of the run's name, or the planar robot of the record, is drawn. Obstacles that are meshes
+    are left out. The record itself stays.
 
     Raises:
         InvalidInput: no run in the folder, or ``robot`` is another one.
@@ -89,7 +89,7 @@ def report_again(
     drawn, target = checked(run, robot) or named(run), Path(folder)
     result = replace(
         judged(run, drawn), called=str(run.meta.get(CALLED, "")), beside=beside(target, run),
-        sections=kept_sections(target),
+        sections=kept_sections(target), obstacles=kept_obstacles(target),
     )  # fmt: skip
     report = run_report(result, progress=progress)
     if (target / HTML).is_file():
@@ -106,6 +106,9 @@ def write_run(result: ScenarioResult, folder: Path, *, progress: Progress = sile
     """
     run = result.run
     keep_sections(result.sections, folder)
+    if run.rows:
+        longest = max((run, *result.beside.values()), key=lambda one: one.rows)
+        keep_obstacles(result.obstacles, longest["t"], folder)
     run.meta |= judgement(result)
     if result.beside:
         run.meta |= {CALLED: result.called, BESIDE: {name: str(k) for k, name in enumerate(result.beside, 1)}}
