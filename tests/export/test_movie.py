@@ -7,6 +7,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from PIL import Image
 
@@ -17,6 +18,8 @@ from wbc.export import Camera, movie
 from wbc.export.movie import _rows
 from wbc.export.stage import _opengl
 from wbc.models import load
+from wbc.models.collision import Obstacle
+from wbc.models.geometry import Sphere
 
 SIZE = (160, 120)
 
@@ -82,6 +85,16 @@ def test_forces_and_pushes_are_seen_and_the_camera_turns(tmp_path: Path):
     assert red[1] > red[0] + 40  # pushed from 0.3 s on
     behind, _ = read(movie(run, robot, tmp_path / "b.webp", size=(320, 240), fps=5.0, end=0.1, camera=Camera(0, -60)))
     assert np.abs(behind[0] - frames[0]).mean() > 5
+
+
+def test_obstacles_are_seen_where_they_are(tmp_path: Path):
+    def rises(t: float) -> pin.SE3:
+        return pin.SE3(np.eye(3), np.array([0.3, 0.3, t]))
+
+    run, robot, ball = reaching_run(), load("arm"), Obstacle("ball", Sphere(0.15), rises)
+    frames, _ = read(movie(run, robot, tmp_path / "a.webp", size=SIZE, fps=10.0, obstacles=[ball]))
+    red = [np.argwhere(frame[:, :, 0] - np.maximum(frame[:, :, 1], frame[:, :, 2]) > 60) for frame in frames]
+    assert len(red[0]) > 40 and red[-1][:, 0].mean() < red[0][:, 0].mean() - 10
 
 
 def test_each_picture_is_the_tick_nearest_to_its_time():

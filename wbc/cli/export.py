@@ -38,6 +38,7 @@ def export(
     from wbc.errors import InvalidInput
     from wbc.export import Camera, movie, to_mcap, to_rerun
     from wbc.models import load
+    from wbc.report.kept import kept_obstacles
     from wbc.report.record import fits, named
 
     pictures = {".gif": gif, ".webp": webp, ".mp4": mp4}
@@ -66,7 +67,7 @@ def export(
                     raise InvalidInput("the run's robot cannot be loaded by its name; give --robot")
                 with progress(f"exporting {path.name}") as step:
                     movie(run, model, path, size=pixels, fps=fps, start=start, end=end, speed=speed, camera=looks,
-                          progress=step)  # fmt: skip
+                          obstacles=kept_obstacles(folder), progress=step)  # fmt: skip
         for path, write in ((mcap, to_mcap), (rerun, to_rerun)):
             if path is not None:
                 with progress(f"exporting {path.name}") as step:

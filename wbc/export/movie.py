@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, final
@@ -19,12 +19,13 @@ from wbc.report import measure
 from wbc.report.marks import RED, marks, strained
 from wbc.report.motion import Motion, motion, quaternions
 from wbc.report.replay import BUDGET
-from wbc.report.shapes import VIEW, Part, check_kinds, parts, thinned, view
+from wbc.report.shapes import VIEW, Part, check_kinds, obstacle_parts, parts, thinned, view
 from wbc.sim.scenario import Progress, silent
 from wbc.types import Index, Mat, Vec
 
 if TYPE_CHECKING:
     from wbc.control.recorder import Run
+    from wbc.models.collision import Obstacle
 
 FORMATS = (".gif", ".webp", ".mp4")
 #: What writes each format beside Pillow, which puts the words onto the pictures.
@@ -64,13 +65,14 @@ def movie(
     end: float | None = None,
     speed: float = 1.0,
     camera: Camera | None = None,
+    obstacles: Sequence[Obstacle] = (),
     progress: Progress = silent,
 ) -> Path:
     """Write the run of ``robot`` from ``start`` to ``end`` [s] as a moving picture, ``speed`` times as fast as it was.
 
     The end of ``path`` says the format: .gif, .webp or .mp4. ``size`` is width and height in pixels. Contact forces,
     pushes, targets, centre of mass and support polygon are those of the report; a robot that travels is followed.
-    A picture shows the tick nearest to its time.
+    ``obstacles`` are drawn with it. A picture shows the tick nearest to its time.
 
     Raises:
         InvalidInput: another format, a size, rate or time out of range, a robot that cannot be drawn, or a place that
@@ -94,7 +96,8 @@ def movie(
     solid = thinned(parts(robot), BUDGET)
     if not solid:
         raise InvalidInput(f"{robot.name} has no shape to draw")
-    moving = motion(run, robot, rows, sorted({part.link for part in solid}))
+    solid += obstacle_parts(obstacles)
+    moving = motion(run, robot, rows, sorted({part.link for part in solid}), obstacles)
     with written(target) as aside:
         pictures = _Pictures(run, robot, moving, solid, size=(width, height), camera=looks, speed=speed)
         try:
