@@ -156,9 +156,9 @@ def test_velocities_within_positions_and_velocities_alone_are_bounded_by_the_nea
             np.testing.assert_allclose(upper, np.minimum((up - start) / dt, up), rtol=1e-9)
         np.testing.assert_array_equal(lower, -up)
         assert intervals.recovering == outside
-        nearer = "JointPositionLimits" if start is not q and near < 1.0 else "JointVelocityLimits"
+        nearer = "position" if start is not q and near < 1.0 else "velocity"
         near_end = -upper[0] if mirrored else upper[0]
-        assert intervals.owner(0, near_end, upper=not mirrored) == nearer
+        assert intervals.cause(0, near_end, upper=not mirrored) == nearer
 
 
 @given(SEEDS)
@@ -275,20 +275,20 @@ def test_bounds_that_make_no_sense_are_refused_and_change_nothing(arguments: Any
 
 
 @pytest.mark.parametrize(
-    ("q", "v", "upper", "owner"),
+    ("q", "v", "upper", "cause"),
     [
-        (0.0, 0.0, True, "JointAccelerationLimits"),
-        (0.0, 2.0, True, "JointVelocityLimits"),
-        (1.0, 0.0, True, "JointPositionLimits"),
-        (-1.0, 0.0, False, "JointPositionLimits"),
-        (0.0, -2.0, False, "JointVelocityLimits"),
+        (0.0, 0.0, True, "acceleration"),
+        (0.0, 2.0, True, "velocity"),
+        (1.0, 0.0, True, "position"),
+        (-1.0, 0.0, False, "position"),
+        (0.0, -2.0, False, "velocity"),
     ],
 )
-def test_a_bound_knows_the_constraint_it_comes_from(q: float, v: float, upper: bool, owner: str):
+def test_a_bound_knows_the_quantity_it_comes_from(q: float, v: float, upper: bool, cause: str):
     constraints = [JointPositionLimits(lower=-1.0, upper=1.0), JointVelocityLimits(2.0), JointAccelerationLimits(100.0)]
     intervals = JointIntervals.compose(constraints, ARM, dt=1e-3)
     bound = bounds(intervals, "acceleration", np.full(ARM.nj, q), np.full(ARM.nj, v))[upper][3]
-    assert intervals.owner(3, bound, upper=upper) == owner
+    assert intervals.cause(3, bound, upper=upper) == cause
 
 
 def test_dt_must_be_positive():

@@ -121,7 +121,7 @@ def test_reset_forgets_the_last_acceleration():
 def test_a_bound_that_keeps_jerk_says_so():
     intervals = JointIntervals.compose([JointVelocityLimits(2.0), JointJerkLimits(100.0)], ARM, dt=1e-3)
     _, upper = bounds(intervals, "acceleration", np.zeros(ARM.nj), np.zeros(ARM.nj))
-    assert intervals.owner(0, upper[0], upper=True) == "JointJerkLimits"
+    assert intervals.cause(0, upper[0], upper=True) == "jerk"
 
 
 @pytest.mark.parametrize("robot", robots(), ids=lambda robot: robot.name)

@@ -230,7 +230,7 @@ def test_each_bound_of_a_joint_names_the_limit_that_gives_it(name: str, seed: in
     plan = wbc.InverseDynamics().compile(robot, wbc.Stack([Posture(robot.q0)], subject_to=limits), dt=1e-3)
     for joint in range(robot.nj):
         for upper in (False, True):
-            owner = plan.bound_owner(robot.nb + joint, upper=upper)
+            owner = plan.bounded_row(plan.layout.n_range + robot.nb + joint, robot.state(), upper=upper).owner
             assert owner == ("speeds" if slow[joint] else "starts"), robot.joint_names[joint]
 
 

@@ -63,7 +63,8 @@ def active(controller: Solving) -> list[Active]:
     rows = np.flatnonzero(np.abs(pushing) > max(SAME, NEAR * largest))
     if not len(rows):
         return []
-    p, value, lower, upper = controller.answering.answered, *_bounded(controller)
+    plan, p = controller.plan, controller.answering.answered
+    value, lower, upper = _bounded(controller)
     found = []
     for i in rows[np.argsort(-np.abs(pushing[rows]))].tolist():
         pushes_down = bool(pushing[i] > 0)
@@ -71,10 +72,9 @@ def active(controller: Solving) -> list[Active]:
         up = pushes_down if lower[i] == upper[i] else bool(upper[i] - value[i] < value[i] - lower[i])
         unknown = i - len(z)
         row = p.rows[p.range.start + i] if unknown < 0 else p.rows[p.n_rows + unknown]
-        if 0 <= unknown < controller.plan.problem.n:
-            row = row._replace(owner=controller.plan.bound_owner(unknown, upper=up))
-        elif about := controller.plan.about(controller.plan.problem.range.start + i):
-            row = row._replace(label=about)
+        if i < plan.layout.n_range or 0 <= unknown < plan.problem.n:
+            place = i if unknown < 0 else plan.layout.n_range + unknown
+            row = plan.bounded_row(place, controller.state, upper=up)
         bound = float(upper[i] if up else lower[i])
         found.append(Active(row, up, bound, abs(float(pushing[i])), up != pushes_down))
     return found

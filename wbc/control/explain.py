@@ -80,9 +80,8 @@ def conflict_of(controller: Solving) -> Conflict | None:
         return None
     if found is None:
         return None
-    first = len(qp.lower)
     rows = [
-        give.row if item < first else give.row._replace(owner=plan.bound_owner(item - first, upper=give.amount > 0))
+        plan.bounded_row(item - qp.n_eq, controller.state, upper=give.amount > 0) if item >= qp.n_eq else give.row
         for item, give in zip(found.items, found.gives, strict=True)
     ]
     return found.renamed(rows)

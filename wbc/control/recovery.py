@@ -34,6 +34,7 @@ from wbc.control.command import Command, Proof, read_only
 from wbc.control.fallback import Fallback
 from wbc.control.solving import Solving
 from wbc.errors import InvalidInput, InvalidProblem
+from wbc.models.model import RobotState
 from wbc.qp.certificate import TOLERANCE, Certificate
 from wbc.qp.problem import QP
 from wbc.qp.relax import relaxed
@@ -256,7 +257,9 @@ class FallbackSequence:
                         plan.stopping.keep(plan, self._controller.state, solve)
                         for bound, was in zip(bounds, asked, strict=True):
                             bound[:] = was  # the reports name the limits of the tick, not those for braking
-                    self._controller.why = _said_relaxed(plan, sorted(items), found[-1].x[: plan.problem.n])
+                    self._controller.why = _said_relaxed(
+                        plan, self._controller.state, sorted(items), found[-1].x[: plan.problem.n]
+                    )
                     return found[-1].certificate
         return None
 
@@ -359,17 +362,17 @@ class FallbackSequence:
         self.log.append(Event(controller.state.t, controller.serial, command.status, command.fallback_level, why))
 
 
-def _said_relaxed(plan: Plan, items: list[int], x: Vec) -> str:
+def _said_relaxed(plan: Plan, state: RobotState, items: list[int], x: Vec) -> str:
     """What was relaxed most, at most three rows, of which constraint and by how much."""
     qp = plan.qp
-    said, m, value = [], len(qp.lower), np.concatenate([qp.matrix @ x, x])[items]
+    said, value = [], np.concatenate([qp.matrix @ x, x])[items]
     lower, upper = (np.concatenate(pair)[items] for pair in ((qp.lower, qp.lb), (qp.upper, qp.ub)))
     slack = value - np.clip(value, lower, upper)
     for k in np.argsort(-np.abs(slack), kind="stable")[:3]:
-        row, unknown = qp.rows[items[k]], items[k] - m
-        owner = row.owner if unknown < 0 else plan.bound_owner(unknown, upper=slack[k] > 0.0)
+        row, place = qp.rows[items[k]], items[k] - qp.n_eq
+        row = row if place < 0 else plan.bounded_row(place, state, upper=slack[k] > 0.0)
         if abs(slack[k]) > MET:
-            said.append(f"{owner} {row.label}".strip() + f" by {abs(slack[k]):.3g} {row.unit}")
+            said.append(f"{row.owner} {row.label}".strip() + f" by {abs(slack[k]):.3g} {row.unit}")
     return "relaxed: " + ", ".join(said) if said else ""
 
 

@@ -106,6 +106,11 @@ class Applied:
             self._motors, self.actuators = motors, Actuators(share, offset)
 
     @property
+    def said(self) -> Said:
+        """The overrides in force, by the names of the components that said them."""
+        return self._said
+
+    @property
     def lifts(self) -> bool:
         """Whether limits of some joint are lifted in this tick: it moves as the others move it."""
         return any(overrides.lifted for _, overrides in self._said)

@@ -8,12 +8,14 @@ import numpy as np
 
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotState
+from wbc.qp.problem import Row
 from wbc.qp.rows import RowProblem
 from wbc.stack.block import RowBlock
 from wbc.stack.compiled.fill_kernel import ROW_SPOILT
 from wbc.stack.constraint import Barrier
 from wbc.stack.layout import Layout
 from wbc.stack.motion import MotionRows
+from wbc.stack.owner import owner
 from wbc.stack.plan_view import PlanView
 from wbc.types import Index, Mat, Vec
 
@@ -83,13 +85,6 @@ class Filled(PlanView):
         """What barriers have to say of the state that was filled last, beside their rows."""
         return [block.says.note for block in self.barriers if block.says.note]
 
-    def about(self, row: int) -> str:
-        """What a row of G is about in the state that was filled last, where that is not always the same; or nothing."""
-        for block in self.barriers:
-            if block.rows.start <= row < block.rows.stop and block.says.codes is not None:
-                return str(block.says.about(row - block.rows.start))
-        return ""
-
     def pressed(self) -> list[int]:
         """The unknowns that are normal forces."""
         return [int(i) for i in self._normal] if self.level.dynamics else []
@@ -117,10 +112,23 @@ class Filled(PlanView):
             limited |= np.isfinite(self.torque_range).all(axis=0)
         return [self.model.joint_names[joint] for joint in np.flatnonzero(~limited)]
 
-    def bound_owner(self, unknown: int, *, upper: bool) -> str:
-        """Which constraint gives an unknown the bound it has now."""
-        joint = unknown - self.model.nb
-        if self.intervals is not None and 0 <= joint < self.model.nj:
-            lower_bounds, upper_bounds = self.joint_bound_rows
-            return self.intervals.owner(joint, (upper_bounds if upper else lower_bounds).item(joint), upper=upper)
-        return self.problem.rows[self.layout.n_rows + unknown].owner
+    def bounded_row(self, place: int, state: RobotState, *, upper: bool) -> Row:
+        """A range row, or behind them all an unknown, called by who gives it the bound that it has in this state."""
+        p, nb, nj = self.problem, self.model.nb, self.model.nj
+        first = self.layout.n_range
+        row = p.rows[p.range.start + place] if place < first else p.rows[p.n_rows + place - first]
+        quantity, joint = "", place if place < first else place - first - nb
+        if place >= first and self.intervals is not None and 0 <= joint < nj:
+            bound = self.joint_bound_rows[1 if upper else 0].item(joint)
+            quantity = self.intervals.cause(joint, bound, upper=upper)
+        elif place < nj and self.level.dynamics:
+            quantity = "torque"
+        if quantity:
+            limits, said = self.layout.joint_limits, self.applied.said
+            name = owner(quantity, joint, limits, said, upper=upper, model=self.model, v=state.v_joints)
+            return row._replace(owner=name or row.owner)
+        for block in self.barriers:
+            at = p.range.start + place
+            if block.rows.start <= at < block.rows.stop and block.says.codes is not None:
+                return row._replace(label=str(block.says.about(at - block.rows.start)))
+        return row

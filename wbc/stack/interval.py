@@ -79,7 +79,6 @@ class JointIntervals:
         shape = (2, len(joint_names))
         self._limits = {quantity: np.full(shape, np.inf) for quantity in _QUANTITIES}
         self._composed = {quantity: limit.copy() for quantity, limit in self._limits.items()}
-        self._owners = dict.fromkeys(_QUANTITIES, "joint limits")
         nj = shape[1]
         # Constants of the compiled formulas and what these leave, a quantity in each row, in the order of the kernel.
         numbers = np.zeros((16, 2 * nj))
@@ -111,7 +110,6 @@ class JointIntervals:
             limit = intervals._limits[constraint.quantity]
             np.minimum(limit, (upper, -lower), out=limit)
             intervals._check(constraint.quantity, constraint.name)
-            intervals._owners[constraint.quantity] = constraint.name
         intervals._composed = {quantity: limit.copy() for quantity, limit in intervals._limits.items()}
         intervals._derive()
         return intervals
@@ -179,22 +177,21 @@ class JointIntervals:
             if quantity != "position" and not low <= 0.0 <= high:
                 raise InvalidInput(f"{who}: joint {joint!r} must be allowed a {quantity} of 0, not [{low:g}, {high:g}]")
 
-    def owner(self, joint: int, bound: float, *, upper: bool) -> str:
-        """Which constraint gave ``bound`` to a joint in the tick that was computed last, for reports.
+    def cause(self, joint: int, bound: float, *, upper: bool) -> str:
+        """Limits on which quantity gave ``bound`` to a joint in the tick that was computed last, for reports.
 
-        One that is nearer than the formulas' own leaves a way to rest within the position limits.
+        A bound that is nearer than the formulas' own leaves a way to rest within the position limits.
         """
         if self._only_velocity:
-            return self._owners["velocity"]
+            return "velocity"
         at = joint if upper else joint + len(self.joint_names)
         if self._narrowed[at]:
-            return self._owners["jerk"]
+            return "jerk"
         if (bound if upper else -bound) < self._bound[at]:
-            return self._owners["position"]
+            return "position"
         if self._has_acceleration and self._bound[at] < self._free[at]:
-            return self._owners["acceleration"]
-        limited = self._wanted[at] == self._v[at]
-        return self._owners["velocity" if limited else "position"]
+            return "acceleration"
+        return "velocity" if self._wanted[at] == self._v[at] else "position"
 
     @property
     def braking(self) -> Vec:

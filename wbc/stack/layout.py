@@ -56,6 +56,7 @@ class Layout:
         exact = [constraint for constraint in constraints if not _has_slack(constraint)]
         tasks: list[Task] = of_kind(stack.tasks, Task)
         intervals: list[JointInterval] = of_kind(exact, JointInterval)
+        self.joint_limits = intervals
         self.motion_limits = [limit for limit in intervals if limit.quantity != "torque"]
         self.torque_limits = [limit for limit in intervals if limit.quantity == "torque"]
 
@@ -192,7 +193,8 @@ class Layout:
         return [Row(member.name, shown.label(i), unit) for i, unit in enumerate(units)]
 
     def _of_torques(self) -> list[Row]:
-        owner = self.torque_limits[0].name if self.torque_limits else "torque"
+        limits = self.torque_limits
+        owner = limits[0].name if len(limits) == 1 else "torque limits" if limits else "torque"
         joints = zip(self.model.joint_names, self.model.joint_units, strict=True)
         return [Row(owner, joint, EFFORTS[unit]) for joint, unit in joints]
 

@@ -1,0 +1,106 @@
+"""Who is named for a bound: of several constraints and components on one quantity the one whose bound holds."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import wbc
+from wbc.control.answer import active
+from wbc.tasks import (
+    JointAccelerationLimits, JointVelocity, JointVelocityLimits, Posture, TorqueLimits, TorqueSpeedLimits,
+)  # fmt: skip
+
+ROBOT = wbc.load("arm")
+NAMES = ROBOT.joint_names
+LEVELS = {"velocity": wbc.VelocityLevel, "acceleration": wbc.AccelerationLevel, "torque": wbc.InverseDynamics}
+
+
+class Narrows(wbc.Component):
+    """Narrows what it is told to."""
+
+    def __init__(self, name: str, **bounds: Any) -> None:
+        super().__init__(name=name)
+        self._overrides = wbc.Overrides(**bounds)
+
+    def before(self, state: Any, last: Any, plan: Any) -> wbc.Overrides:
+        return self._overrides
+
+
+def limits_of(quantity: str, bound: Any, name: str) -> Any:
+    kind = {"velocity": JointVelocityLimits, "acceleration": JointAccelerationLimits, "torque": TorqueLimits}[quantity]
+    return kind(bound, name=name)
+
+
+def named(quantity: str, level: str, constraints: list[Any], components: list[Any], sign: np.ndarray) -> dict[str, str]:
+    """Owners of the bounds that hold the joints when all are pulled far away, by joint."""
+    far = Posture(ROBOT.q0 + sign, kp=5000.0, rate=100.0)
+    stack = wbc.Stack([far], subject_to=constraints, components=components)
+    controller = wbc.Controller(ROBOT, stack, level=LEVELS[level](), dt=1e-3)
+    command = controller.tick(0.0, ROBOT.q0, np.zeros(ROBOT.nv))
+    assert command.status.ok
+    return {one.row.label: one.row.owner for one in active(controller)}
+
+
+@pytest.mark.parametrize(
+    ("quantity", "level"),
+    [
+        ("velocity", "velocity"), ("velocity", "acceleration"), ("acceleration", "velocity"),
+        ("acceleration", "acceleration"), ("acceleration", "torque"), ("torque", "torque"),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("seed", range(6))
+def test_of_several_bounds_on_one_quantity_the_narrowest_is_named(quantity: str, level: str, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    sign = rng.choice([-1.0, 1.0], ROBOT.nj)
+    # Of each joint a bound by two constraints and two components, in an order drawn for it; ties go to the first.
+    sizes = np.array([rng.permutation([1.0, 1.25, 1.5, 2.0]) for _ in range(ROBOT.nj)]).T
+    sizes *= {"velocity": 0.1, "acceleration": 1.0, "torque": 40.0}[quantity]
+    if seed == 0:
+        sizes[:] = sizes.max()
+    constraints = [limits_of(quantity, sizes[k], f"limit{k}") for k in range(2)]
+    components = [Narrows(f"part{k}", **{quantity: (-sizes[k], sizes[k])}) for k in (2, 3)]
+    narrowest = sizes.argmin(axis=0)
+    expected = {joint: ("limit0", "limit1", "part2", "part3")[k] for joint, k in zip(NAMES, narrowest, strict=True)}
+    found = named(quantity, level, constraints, components, sign)
+    assert found
+    assert found.items() <= expected.items()
+
+
+def test_the_advice_of_a_conflict_names_the_component_that_narrows() -> None:
+    stack = wbc.Stack(
+        [Posture(ROBOT.q0)],
+        subject_to=[JointVelocityLimits(1.0), JointVelocity(np.full(ROBOT.nj, 0.5)).exactly()],
+        components=[Narrows("slow", velocity=(-0.3, 0.3))],
+    )
+    controller = wbc.Controller(ROBOT, stack, level=wbc.VelocityLevel())
+    controller.tick(0.0, ROBOT.q0, np.zeros(ROBOT.nv))
+    said = controller.explain()
+    assert f"slow: {NAMES[0]} 0.2 rad/s higher" in said
+    assert "JointVelocityLimits" not in said
+
+
+@pytest.mark.parametrize("upper", [False, True])
+def test_torques_are_named_by_the_motor_or_the_speed_that_bounds_them(upper: bool) -> None:
+    sign = 1.0 if upper else -1.0
+    weak = Narrows("weak", motors={0: (0.3, 0.0), 1: (1.0, 0.0), 2: (0.5, sign * 2.0)})
+    found = named("torque", "torque", [TorqueLimits(40.0)], [weak], np.full(ROBOT.nj, sign))
+    assert {joint: found[joint] for joint in NAMES[:3] if joint in found}.items() <= {
+        NAMES[0]: "weak", NAMES[1]: "TorqueLimits", NAMES[2]: "weak"
+    }.items()  # fmt: skip
+    assert "weak" in found.values()
+
+
+def test_limits_by_speed_are_named_where_they_are_the_narrower_ones() -> None:
+    by_speed = TorqueSpeedLimits(no_load_speed=2.0, tau_max=60.0, name="by_speed")
+    stack = wbc.Stack([Posture(ROBOT.q0 + 1.0, kp=5000.0)], subject_to=[TorqueLimits(50.0), by_speed])
+    controller = wbc.Controller(ROBOT, stack, level=wbc.InverseDynamics(), dt=1e-3)
+    v = np.zeros(ROBOT.nv)
+    v[1] = 1.0
+    controller.tick(0.0, ROBOT.q0, v)
+    found = {one.row.label: (one.row.owner, one.bound) for one in active(controller)}
+    for joint, (owner, bound) in found.items():
+        assert owner == ("by_speed" if abs(bound) < 50.0 - 1e-9 else "TorqueLimits"), joint
+    assert len(found) > 2
