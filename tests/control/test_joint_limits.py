@@ -111,7 +111,7 @@ def test_a_tick_from_outside_says_that_it_recovers():
     q = np.zeros(ARM.nj)
     q[3] = 1.25
     controller.tick(0.0, q, 0 * q)
-    assert controller.why == f"recovery: joint {ARM.joint_names[3]!r} is 0.25 outside its position limits"
+    assert controller.why == f"recovery: joint {ARM.joint_names[3]!r} is 0.25 rad outside its position limits"
     controller.tick(0.0, 0 * q, 0 * q)
     assert controller.why == ""
 

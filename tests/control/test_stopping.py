@@ -324,3 +324,27 @@ def test_what_is_relaxed_is_said_of_the_limits_of_the_tick_whatever_braking_need
             worst = np.argsort(-off)[: len(said)]
             assert said == pytest.approx({robot.joint_names[i]: off[i] for i in worst}, rel=6e-3)
     assert relaxed
+
+
+@pytest.mark.parametrize("level", [wbc.VelocityLevel, wbc.AccelerationLevel, wbc.InverseDynamics])
+def test_a_tick_that_relaxes_a_limit_on_jerk_says_so_and_no_other_does(level: Any, tmp_path: Path) -> None:
+    relaxed = 0
+    for seed in range(4):
+        robot, tau_max = arm(seed, tmp_path, share=0.8)
+        stack = wbc.Stack(
+            [Posture(restless_posture(robot, seed, 0.1), kp=400.0, rate=30.0)],
+            subject_to=[
+                JointLimits(a_max=40.0, j_max=2000.0, **({"tau_max": tau_max} if level is wbc.InverseDynamics else {}))
+            ],
+        )
+        controller = wbc.Controller(robot, stack, level=level(), dt=1e-3)
+        q, v, last = robot.q0, np.zeros(robot.nv), np.zeros(robot.nv)
+        for k in range(250):
+            command = controller.tick(1e-3 * k, q, v)
+            a = (command.v - v) / 1e-3
+            jerk = np.abs(a - last).max() / 1e-3
+            if command.status.ok and not 2000.0 <= jerk <= 2001.0:
+                assert ("jerk: joint" in controller.why) == (jerk > 2000.0), (seed, k, jerk, controller.why)
+            relaxed += command.status.ok and jerk > 2001.0
+            q, v, last = command.q, command.v, a
+    assert relaxed > 0 or level is not wbc.InverseDynamics

@@ -207,7 +207,10 @@ class Controller(Solving):
             command = decide(t, measured.moment)
         intervals = self.plan.intervals
         if intervals is not None and intervals.remembers:
-            intervals.remember(self._accelerated(command))
+            accuracy = MET if self._level.order == 2 else MET / self._dt
+            jerks = intervals.remember(self._accelerated(command), accuracy=accuracy)
+            if jerks and command.status.ok:
+                self.why = f"{self.why}; {jerks}" if self.why else jerks
         for component in self.components:
             self._tell(component, command)
         self.last = command

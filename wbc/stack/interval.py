@@ -13,7 +13,7 @@ from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
 from wbc.stack.compiled.interval_kernel import bound_joints
 from wbc.stack.constraint import JointInterval
-from wbc.tolerances import SAME
+from wbc.tolerances import MET, SAME
 from wbc.types import Vec
 
 #: Deceleration counted on where no acceleration limit says otherwise [rad/s², m/s²]: a joint at 2 rad/s stops within
@@ -72,9 +72,13 @@ class JointIntervals:
     # Arrays hold both sides, one behind the other: the upper limit, and the lower one seen in a mirror, so that one
     # formula does for both: limit − value >= 0 on either. Their memory never moves: the formulas are compiled.
 
-    def __init__(self, joint_names: tuple[str, ...], dt: float, *, braking: float | None = None) -> None:
+    def __init__(
+        self, joint_names: tuple[str, ...], dt: float, *, joint_units: tuple[str, ...] | None = None,
+        braking: float | None = None,
+    ) -> None:  # fmt: skip
         self.dt = checks.number("dt", dt, low=0.0, strict=True)
         self.joint_names = joint_names
+        self.joint_units = ("rad",) * len(joint_names) if joint_units is None else joint_units
         self._braking = braking
         shape = (2, len(joint_names))
         self._limits = {quantity: np.full(shape, np.inf) for quantity in _QUANTITIES}
@@ -104,7 +108,7 @@ class JointIntervals:
         """The intervals of constraints on positions, velocities, accelerations and jerks; those on one intersect."""
         constraints = list(constraints)
         asked = [constraint.braking for constraint in constraints if constraint.braking is not None]
-        intervals = cls(model.joint_names, dt, braking=min(asked, default=None))
+        intervals = cls(model.joint_names, dt, joint_units=model.joint_units, braking=min(asked, default=None))
         for constraint in constraints:
             lower, upper = constraint.bounds(model)
             limit = intervals._limits[constraint.quantity]
@@ -156,9 +160,21 @@ class JointIntervals:
         self._last[:] = 0.0
         self._derive()
 
-    def remember(self, acceleration: Vec) -> None:
-        """The joint accelerations (nj,) that were commanded for the tick that ends now."""
+    def remember(self, acceleration: Vec, *, accuracy: float = MET) -> str:
+        """The joint accelerations (nj,) that were commanded for the tick that ends now.
+
+        Returns which joint changed its own by most beyond its limit on jerk, or nothing; a difference of ``accuracy``
+        [rad/s², m/s²] counts as none.
+        """
+        change, most = acceleration - self._last, self._limits["jerk"] * self.dt
+        beyond = np.maximum(change - most[0], -change - most[1])
         self._last[:] = acceleration
+        worst = int(beyond.argmax())
+        if not beyond[worst] > accuracy:
+            return ""
+        jerk, limit = np.array([abs(change[worst]), most[int(change[worst] < 0.0), worst]]) / self.dt
+        unit = f"{self.joint_units[worst]}/s³"
+        return f"jerk: joint {self.joint_names[worst]!r} has {jerk:.4g} {unit}, beyond its limit of {limit:.4g} {unit}"
 
     def recovery(self, q: Vec) -> str:
         """Which joint is furthest outside its position limits, and by how much; or nothing."""
@@ -167,7 +183,8 @@ class JointIntervals:
         worst = int(np.argmax(beyond))
         if not beyond[worst] > SAME:
             return ""
-        return f"recovery: joint {self.joint_names[worst]!r} is {beyond[worst]:.3g} outside its position limits"
+        name, far = self.joint_names[worst], f"{beyond[worst]:.3g} {self.joint_units[worst]}"
+        return f"recovery: joint {name!r} is {far} outside its position limits"
 
     def _check(self, quantity: str, who: str) -> None:
         upper, lower = self._limits[quantity][0], -self._limits[quantity][1]
