@@ -5,8 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from hypothesis import given
+from hypothesis import strategies as st
 
 import wbc
 from tasks import Admittance, Frame, Impedance, JointAdmittance, MeasuredWrench
@@ -73,6 +75,24 @@ def test_an_admittance_moves_as_the_mass_it_stands_for(level: Any, stiffness: fl
     moved = moment(ARM, q).frame(TOOL).position - start
     assert np.linalg.norm(x) > 5e-3
     np.testing.assert_allclose(moved, x, atol=0.02 * np.linalg.norm(x))
+
+
+@given(states(ARM), st.integers(0, 2**32 - 1), st.sampled_from([0.1, 1.0, 10.0, 100.0]))
+def test_an_admittance_has_its_equation_whatever_the_moment_and_the_turn(state: RobotState, seed: int, size: float):
+    """M a = M a_target + K e + D ė + F, with e from Pinocchio's logarithm; moments that turn a spring beyond π too."""
+    rng, here = np.random.default_rng(seed), state.frame(TOOL)
+    turn = rng.normal(size=3)
+    turn *= rng.uniform(0.0, 3.0) / np.linalg.norm(turn)
+    target = np.eye(4)
+    target[:3, :3], target[:3, 3] = pin.exp3(turn) @ here.rotation, here.position + rng.normal(size=3)
+    M, D, K = rng.uniform(0.5, 5.0, 6), rng.uniform(1.0, 50.0, 6), rng.uniform(0.5, 50.0, 6)
+    F = size * rng.normal(size=6)
+    task = Admittance(TOOL, target=target, inertia=M, damping=D, stiffness=K, wrench=F)
+    found = rows(task, state)
+    e = np.concatenate([target[:3, 3] - here.position, pin.log3(target[:3, :3] @ here.rotation.T)])
+    expected = K * e + F
+    got = M * (task.kp * found.e + found.acc_ref)
+    np.testing.assert_allclose(got, expected, atol=1e-7 * (1.0 + np.abs(expected).max()))
 
 
 @pytest.mark.parametrize("scale", [1.0, 1e-4], ids=["stiff", "soft"])

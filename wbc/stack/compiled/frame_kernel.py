@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from wbc.compiled import callee, kernel
-from wbc.stack.compiled.geometry import Three, back, cross, dot, log3, log6, plus, three, times, turn_by
+from wbc.stack.compiled.geometry import Three, back, cross, dot, log3, log6, plus, three, times
 from wbc.stack.compiled.row_kernel import Rows, follow, rows
 from wbc.types import Mat, Vec
 
@@ -111,14 +111,10 @@ def admittance(at: int) -> int:
     """A pose that a wrench moves; ``numbers``: which rows are held, compliances, mobilities, six each."""
     k = rows(at)
     held, compliance, mobility, wrench = k.numbers[:6], k.numbers[6:12], k.numbers[12:18], k.value[12:18]
-    turn, target, R = k.work[:3], k.work[3:12], k.place[0, :9].reshape((3, 3))
+    turn_error(k.value[:9].reshape((3, 3)), k.place[0, :9].reshape((3, 3)), k.work)
     for i in range(3):
-        k.e[i] = k.value[9 + i] + compliance[i] * wrench[i] - k.place[0, 9 + i]
-        turn[i] = compliance[3 + i] * wrench[3 + i]
-    turn_by(1.0, turn, k.value[:9], target)
-    turn_error(target.reshape((3, 3)), R, k.work[12:])
-    for i in range(3):
-        k.e[3 + i] = k.work[21 + i]
+        k.e[i] = k.value[9 + i] - k.place[0, 9 + i] + compliance[i] * wrench[i]
+        k.e[3 + i] = k.work[9 + i] + compliance[3 + i] * wrench[3 + i]
     for r in range(6):
         k.e[r] *= held[r]
         k.C[r, r] = 1.0
