@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import wbc
-from tasks import JointVelocityLimits, Position, Posture
+from tasks import JointAccelerationLimits, JointJerkLimits, JointVelocityLimits, Position, Posture, feet
 from wbc import AccelerationLevel, Controller, Stack
 from wbc.errors import InvalidInput
 
-ARM = wbc.load("arm")
+ARM, LEGS = wbc.load("arm"), wbc.load("quadruped")
 
 
 def controller(target=None):
@@ -26,7 +26,7 @@ def states(n):
 @pytest.mark.parametrize("workers", [1, 2, 3])
 def test_answers_are_those_of_one_tick_after_the_other(workers):
     asked = states(23)
-    batch = wbc.run_many(controller(), asked, workers=workers)
+    batch = wbc.run_many(controller(), asked, workers=workers, alone=False)
     one = controller()
     expected = [one.tick(*state) for state in asked]
     np.testing.assert_allclose(batch.a, [command.a for command in expected], rtol=0, atol=1e-9)
@@ -36,16 +36,37 @@ def test_answers_are_those_of_one_tick_after_the_other(workers):
     assert batch.ticks_per_second > 0.0
 
 
-@pytest.mark.parametrize("level", [wbc.VelocityLevel, AccelerationLevel, wbc.InverseDynamics])
-@pytest.mark.parametrize("workers", [1, 3])
-def test_without_damping_by_the_residual_each_answer_is_that_of_its_state_alone(level, workers):
-    def hand():
-        stack = Stack([Position("tool", target=[0.4, 0.2, 0.5]), Posture(ARM.q0, weight=1e-3)])
-        return Controller(ARM, stack, level=level(lm_damping=0.0), dt=2e-3)
+def hand(level):
+    stack = Stack([Position("tool", target=[0.4, 0.2, 0.5]), Posture(ARM.q0, weight=1e-3)])
+    return Controller(ARM, stack, level=level(), dt=2e-3)
 
-    asked = states(12)
-    expected = [hand().tick(*state).a for state in asked]
-    np.testing.assert_allclose(wbc.run_many(hand(), asked, workers=workers).a, expected, rtol=1e-6, atol=1e-6)
+
+def jerky(level):
+    limits = [JointVelocityLimits(), JointAccelerationLimits(20.0), JointJerkLimits(1000.0)]
+    return Controller(ARM, Stack([Posture(ARM.q0 + 0.3, kp=400.0)], subject_to=limits), level=level(), dt=2e-3)
+
+
+def standing(level):
+    return Controller(LEGS, Stack([Posture(LEGS.q0)], contacts=feet(LEGS)), level=level(), dt=2e-3)
+
+
+def some_states(robot, n):
+    rng, states = np.random.default_rng(5), []
+    for k in range(n):
+        q = robot.integrate(robot.q0, 0.1 * rng.normal(size=robot.nv))
+        q[0] += 0.3 * k * (robot.nb > 0)
+        states.append((0.0, q, 0.1 * rng.normal(size=robot.nv)))
+    return states
+
+
+@pytest.mark.parametrize("level", [wbc.VelocityLevel, AccelerationLevel, wbc.InverseDynamics])
+@pytest.mark.parametrize("make", [hand, jerky, standing])
+def test_each_answer_is_that_of_its_state_alone_in_any_order_on_any_number_of_workers(level, make):
+    asked = some_states(LEGS if make is standing else ARM, 8)
+    expected = [make(level).tick(*state).a for state in asked]
+    for workers, order in ((1, 1), (2, 1), (3, -1)):
+        found = wbc.run_many(make(level), asked[::order], workers=workers).a[::order]
+        np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-6)
 
 
 def test_controllers_of_robots_with_other_joints_are_refused():

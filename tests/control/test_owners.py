@@ -8,10 +8,15 @@ import numpy as np
 import pytest
 
 import wbc
-from wbc.control.answer import active
-from wbc.tasks import (
-    JointAccelerationLimits, JointVelocity, JointVelocityLimits, Posture, TorqueLimits, TorqueSpeedLimits,
+from tasks import (
+    JointAccelerationLimits,
+    JointVelocity,
+    JointVelocityLimits,
+    Posture,
+    TorqueLimits,
+    TorqueSpeedLimits,
 )  # fmt: skip
+from wbc.control.answer import active
 
 ROBOT = wbc.load("arm")
 NAMES = ROBOT.joint_names

@@ -43,19 +43,23 @@ class Batch:
 
 
 def run_many(
-    plans: Controller | Sequence[Controller], states: Sequence[tuple[float, Any, Any]], *, workers: int = 1
-) -> Batch:
-    """One tick of a controller for each state (t, q, v), in any order and on ``workers`` processes.
+    plans: Controller | Sequence[Controller], states: Sequence[tuple[float, Any, Any]], *, workers: int = 1,
+    alone: bool = True,
+) -> Batch:  # fmt: skip
+    """One tick of a controller for each state (t, q, v), on ``workers`` processes.
 
-    ``plans``: one controller for all states, or one for each, as where stacks differ. The states are independent. A
-    controller carries its warm start, the memory of its components and the residual by which its level damps joints to
-    the next state that it gets. With a level of ``lm_damping=0.0``, and components without memory, results agree with
-    those of ``tick`` in each state alone. Workers are forks of this process: each has controllers of its
-    own, and those given are left as they are. ``workers`` = 1 runs here, on the controllers given.
+    ``plans``: one controller for all states, or one for each, as where stacks differ. ``alone``: the controller is
+    reset before each state, so that an answer depends on its state alone: contacts are made there, and nothing is
+    remembered. False: it goes on from state to state, which is about twice as fast. Then it keeps contacts where
+    the first state made them, the last acceleration for limits on jerk, the memory of components, and the residual by
+    which its level damps joints; which states follow one another depends on ``workers``.
+
+    Workers are forks of this process: each has controllers of its own, and those given are left as they are.
+    ``workers`` = 1 runs here, on the controllers given.
 
     Raises:
         InvalidInput: another number of controllers than of states, controllers of robots with other joints, ``workers``
-            below 1, states that ``tick`` refuses.
+            below 1, ``alone`` neither true nor false, states that ``tick`` refuses.
 
     Example:
         >>> import numpy as np, wbc
@@ -67,6 +71,7 @@ def run_many(
         (4, 7)
     """
     workers = int(checks.number("workers", workers, low=1))
+    checks.instance("alone", alone, bool, "True or False")
     states = checks.moments("states", states)
     if not isinstance(plans, Controller):
         if not isinstance(plans, list | tuple) or not all(isinstance(one, Controller) for one in plans):
@@ -81,11 +86,11 @@ def run_many(
     workers = min(workers, len(states))
     started = perf_counter()
     if workers == 1:
-        parts = [_ticks(controllers, states)]
+        parts = [_ticks(controllers, states, alone)]
     else:
         size = len(states) // (workers * _SHARES) + 1
         shares = [slice(i, i + size) for i in range(0, len(states), size)]
-        _WORK.append([(controllers[share], states[share]) for share in shares])
+        _WORK.append([(controllers[share], states[share], alone) for share in shares])
         try:
             with multiprocessing.get_context("fork").Pool(workers) as pool:
                 parts = pool.map(_share, range(len(shares)), chunksize=1)
@@ -98,18 +103,20 @@ def run_many(
 
 
 # What forks inherit: controllers hold memory of Pinocchio that cannot be sent.
-_WORK: list[list[tuple[list[Controller], Sequence[tuple[float, Any, Any]]]]] = []
+_WORK: list[list[tuple[list[Controller], Sequence[tuple[float, Any, Any]], bool]]] = []
 
 
 def _share(index: int) -> _Part:
     return _ticks(*_WORK[-1][index])
 
 
-def _ticks(controllers: Sequence[Controller], states: Sequence[tuple[float, Any, Any]]) -> _Part:
+def _ticks(controllers: Sequence[Controller], states: Sequence[tuple[float, Any, Any]], alone: bool) -> _Part:
     n, model = len(states), controllers[0].model
     a, v, tau = np.empty((n, model.nv)), np.empty((n, model.nv)), np.empty((n, model.nj))
     status, certified = [], np.zeros(n, dtype=bool)
     for k, (controller, (t, q, qd)) in enumerate(zip(controllers, states, strict=True)):
+        if alone:
+            controller.reset()
         command = controller.tick(t, q, qd)
         a[k], v[k], tau[k] = command.a, command.v, command.tau
         status.append(command.status)

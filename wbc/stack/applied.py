@@ -64,10 +64,9 @@ class Applied:
 
     def reset(self) -> None:
         """Nothing is overridden, and no acceleration is remembered."""
-        self._said, self._keys = [("", Overrides())], {}
         self.apply(())
         if self.intervals is not None:
-            self.intervals.reset()
+            self.intervals.forget()
 
     def apply(self, said: Said) -> None:
         """From now on these overrides are in force, by the names of the components that said them, and no others.

@@ -157,8 +157,12 @@ class JointIntervals:
         """Back to the bounds of the constraints; the last acceleration is zero again."""
         for quantity, limit in self._composed.items():
             self._limits[quantity][:] = limit
-        self._last[:] = 0.0
+        self.forget()
         self._derive()
+
+    def forget(self) -> None:
+        """The last acceleration is zero again."""
+        self._last[:] = 0.0
 
     def remember(self, acceleration: Vec, *, accuracy: float = MET) -> str:
         """The joint accelerations (nj,) that were commanded for the tick that ends now.
