@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 import wbc
 from tasks import Posture
@@ -40,3 +41,36 @@ def test_what_two_components_add_is_added_up_and_gone_in_the_next_tick():
     for more in (1.5, 1.0, 0.0):
         controller.tick(0.0, ARM.q0, np.zeros(ARM.nv))
         np.testing.assert_allclose(inertia_of(controller.plan), ARM.state().M + more * np.eye(ARM.nv), atol=1e-12)
+
+
+class Adds(Component):
+    """Adds this to M."""
+
+    def __init__(self, more: Mat) -> None:
+        super().__init__(name="guess")
+        self._overrides = wbc.Overrides(inertia=more)
+
+    def before(self, state: RobotState, last: object, plan: Plan) -> wbc.Overrides:
+        return self._overrides
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_an_inertia_is_refused_exactly_where_a_motion_would_have_negative_energy(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    A = rng.normal(size=(ARM.nv, ARM.nv))
+    q, M = ARM.random_configuration(rng), ARM.state()
+    M.update(0.0, q, np.zeros(ARM.nv))
+    more = rng.uniform(0.0, 0.6) * (A + A.T) * np.linalg.eigvalsh(M.M)[rng.integers(ARM.nv)]
+    stack = wbc.Stack([Posture(ARM.q0)], components=[Adds(more)])
+    controller = wbc.Controller(ARM, stack, level=wbc.InverseDynamics())
+    command = controller.tick(0.0, q, np.zeros(ARM.nv))
+    negative = bool((np.linalg.eigvalsh(M.M + more) < 0.0).any())
+    assert command.status.ok != negative
+    assert ("guess.inertia: M + inertia has the eigenvalue -" in controller.why) == negative
+
+
+def test_an_inertia_that_is_not_symmetric_is_refused() -> None:
+    stack = wbc.Stack([Posture(ARM.q0)], components=[Adds(np.triu(np.ones((ARM.nv, ARM.nv))))])
+    controller = wbc.Controller(ARM, stack, level=wbc.InverseDynamics())
+    assert not controller.tick(0.0, ARM.q0, np.zeros(ARM.nv)).status.ok
+    assert "guess.inertia is not symmetric" in controller.why

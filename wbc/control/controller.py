@@ -288,6 +288,7 @@ class Controller(Solving):
             said = self._overrides()
             try:
                 self.plan.apply(said)
+                self.plan.applied.refuse_no_inertia(self.state)
             except WbcError:
                 raise
             except Exception as cause:  # what was given may raise whatever it likes when it is looked at

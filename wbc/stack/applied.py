@@ -9,12 +9,13 @@ import numpy as np
 
 from wbc import checks
 from wbc.errors import InvalidInput, NotSupported, UnknownName
-from wbc.models.model import RobotModel
+from wbc.models.model import RobotModel, RobotState
 from wbc.stack.contact import Contact, keys
 from wbc.stack.interval import JointIntervals
 from wbc.stack.level import Level
 from wbc.stack.member import Binding
 from wbc.stack.overrides import QUANTITIES, Actuators, Motor, Overrides
+from wbc.tolerances import ROUNDING, SAME
 from wbc.types import Mat, Vec
 
 Said = Sequence[tuple[str, Overrides]]
@@ -229,6 +230,25 @@ class Applied:
         return int(joint)
 
     # ---- the rest
+    def refuse_no_inertia(self, state: RobotState) -> None:
+        """Kinetic energy is positive, whatever components add to M.
+
+        Raises:
+            InvalidInput: M + inertia has a negative eigenvalue in this state, by the names of the components.
+        """
+        if self.inertia is None or not self._level.dynamics:
+            return
+        M = state.M + self.inertia
+        try:
+            np.linalg.cholesky(M)
+        except np.linalg.LinAlgError:
+            values = np.linalg.eigvalsh(M)
+            if values[0] < -ROUNDING * values[-1]:  # zeros are links without mass
+                names = ", ".join(name for name, overrides in self._said if overrides.inertia is not None)
+                raise InvalidInput(
+                    f"{names}.inertia: M + inertia has the eigenvalue {values[0]:.3g}; an inertia has none below 0"
+                ) from None
+
     def _checked_settings(
         self, name: str, before: Mapping[str, Mapping[str, Any]], overrides: Overrides
     ) -> Mapping[str, Mapping[str, Any]]:
@@ -277,6 +297,8 @@ class Applied:
                 bias = bias + checks.array(f"{name}.bias", overrides.bias, (nv,))
             if overrides.inertia is not None:
                 more = checks.array(f"{name}.inertia", overrides.inertia, (nv, nv))
+                if np.abs(more - more.T).max() > SAME * np.abs(more).max():
+                    raise InvalidInput(f"{name}.inertia is not symmetric")
                 inertia = more if inertia is None else inertia + more
         return bias, inertia
 

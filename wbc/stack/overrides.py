@@ -111,7 +111,7 @@ class Overrides:
         lifted: of a quantity ("torque", "position", "velocity", "acceleration") the indices of joints whose limits in
             the stack do not hold in this tick. Bounds of components hold all the same.
         bias: generalised force (nv,) added to h [N, N m].
-        inertia: (nv, nv), added to M.
+        inertia: (nv, nv), symmetric, added to M; the sum has no negative eigenvalue.
         normal_limits, normal_floors: upper and lower bounds on the normal force [N] of contacts, by name or frame.
             Floors need a schedule in the stack.
         motors: the :class:`Motor` of a joint, by joint index. Torque bounds are the torques that commands within the
