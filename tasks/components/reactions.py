@@ -122,10 +122,6 @@ class Brake(Reaction):
         draft.lift(i, "torque", *MOTION)
         draft.bound("acceleration", i, 0.0, 0.0)
 
-    def prepare(self, plan: PlanView) -> None:
-        if plan.intervals is None:
-            raise NotSupported("Brake holds a joint by limits on its motion, and the stack has none")
-
 
 @final
 @dataclass(frozen=True)

@@ -74,6 +74,16 @@ def test_of_several_bounds_on_one_quantity_the_narrowest_is_named(quantity: str,
     assert found.items() <= expected.items()
 
 
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("quantity", ["position", "velocity", "acceleration"])
+@pytest.mark.parametrize("limits", [[], [JointVelocityLimits(1e3)]], ids=["no limits", "wide limits"])
+def test_a_component_narrows_what_no_constraint_limits(level: str, quantity: str, limits: list[Any]) -> None:
+    bound = {"position": ROBOT.q0 + 1e-4, "velocity": 0.01, "acceleration": 1.0}[quantity]
+    low = {"position": ROBOT.q0 - 1e-4, "velocity": -0.01, "acceleration": -1.0}[quantity]
+    found = named("", level, limits, [Narrows("part", **{quantity: (low, bound)})], np.ones(ROBOT.nj))
+    assert found == dict.fromkeys(NAMES, "part")
+
+
 def test_the_advice_of_a_conflict_names_the_component_that_narrows() -> None:
     stack = wbc.Stack(
         [Posture(ROBOT.q0)],

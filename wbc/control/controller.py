@@ -206,7 +206,7 @@ class Controller(Solving):
             decide = self._decide if self.mode.is_compiled else self._decide_in_silence
             command = decide(t, measured.moment)
         intervals = self.plan.intervals
-        if intervals is not None and intervals.remembers:
+        if intervals.remembers:
             accuracy = MET if self._level.order == 2 else MET / self._dt
             jerks = intervals.remember(self._accelerated(command), accuracy=accuracy)
             if jerks and command.status.ok:
@@ -256,7 +256,7 @@ class Controller(Solving):
             status = self.status
         if status is not Status.SOLVED:
             return self.fallbacks.descend(status, moment)
-        if plan.intervals is not None and plan.intervals.recovering:
+        if plan.intervals.recovering:
             self.why = plan.intervals.recovery(state.q_joints)
         if plan.barriers and (notes := plan.notes):
             self.why = "; ".join([*([self.why] if self.why else []), *notes])
@@ -339,8 +339,7 @@ class Controller(Solving):
         self.plan.start(self.state)
         if self._former is not None:
             self.plans.go_on_from(self._former)
-            if self.plan.intervals is not None:
-                self.plan.intervals.remember(self._acceleration)
+            self.plan.intervals.remember(self._acceleration)
         self._former, self._kept, self._started = None, (), True
 
     def compile_waiting(self) -> int:

@@ -84,8 +84,7 @@ class Fallback:
         """By how much a velocity (nv,) may fall in a tick."""
         plan = self._plan
         braking = np.full(plan.model.nv, BRAKING)
-        if plan.intervals is not None:
-            braking[plan.model.nb :] = plan.intervals.braking
+        braking[plan.model.nb :] = plan.intervals.braking
         most: Vec = braking * plan.dt
         return most
 
@@ -106,9 +105,7 @@ class Fallback:
         qp.H[:] = np.diag(np.where(np.arange(qp.n) < nv, 1.0, _EPSILON))
         qp.g[:] = 0.0
         qp.g[:nv] = state.v / self._slowly
-        bounds = plan.joint_bounds(state)
-        if bounds is not None:
-            qp.lb[nb:nv], qp.ub[nb:nv] = np.multiply(bounds, p.scale[nb:nv])
+        qp.lb[nb:nv], qp.ub[nb:nv] = np.multiply(plan.joint_bounds(state), p.scale[nb:nv])
         try:
             solution = by_name("pdas").solve(qp)
         except InvalidProblem:
@@ -116,8 +113,6 @@ class Fallback:
         return np.asarray(p.G[nb:nv] @ np.append(solution.x / p.scale, 1.0))
 
     def _within(self, state: RobotState, decided: Vec) -> Vec:
-        bounds = self._plan.joint_bounds(state)
-        if bounds is not None:
-            nb = self._plan.model.nb
-            np.clip(decided[nb:], *bounds, out=decided[nb:])
+        nb = self._plan.model.nb
+        np.clip(decided[nb:], *self._plan.joint_bounds(state), out=decided[nb:])
         return decided

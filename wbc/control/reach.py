@@ -257,8 +257,7 @@ class _Search:
             short = -float(margins.min(initial=0.0))
             if short / MET > max(missed, 1.0):
                 missed, says = short / MET, f"{name} is missed by {short:.3g}"
-        if plan.intervals is not None:
-            short = -float(plan.intervals.nearest(positions).min(initial=0.0))
-            if short / MET > max(missed, 1.0):
-                missed, says = short / MET, plan.intervals.recovery(positions)
+        short = -float(plan.intervals.nearest(positions).min(initial=0.0))
+        if short / MET > max(missed, 1.0):
+            missed, says = short / MET, plan.intervals.recovery(positions)
         return _Found(q, errors, missed, says)

@@ -388,4 +388,4 @@ def _classes(plan: Plan, qp: QP) -> Iterator[tuple[str, list[int]]]:
     yield "force rates", [m + i for i in plan.pressed() if np.isfinite(qp.lb[i])]
     for kind, names in owners:
         yield kind, [i for i in range(m) if qp.rows[i].owner in names]
-    yield "joint limits", [] if plan.intervals is None else [*range(m + model.nb, m + model.nv)]
+    yield "joint limits", [*range(m + model.nb, m + model.nv)]

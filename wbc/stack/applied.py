@@ -35,17 +35,16 @@ class Applied:
 
     def __init__(
         self, model: RobotModel, level: Level, binding: Binding, contacts: Sequence[Contact], *,
-        intervals: JointIntervals | None, torque: _Bounds,
+        intervals: JointIntervals, torque: _Bounds,
     ) -> None:  # fmt: skip
         self._model, self._level, self._binding = model, level, binding
         order = {contact.name: i for i, contact in enumerate(contacts)}
         #: Place of each contact among those of the stack, by its name, and by its frame where no other has the same.
         self.places: Mapping[str, int] = {key: order[name] for key, name in keys(contacts)}
         self.intervals = intervals
-        if intervals is not None:
-            self._own_motion = {quantity: intervals.bounds(quantity) for quantity in QUANTITIES[1:]}
-            self._motion = dict(self._own_motion)
-            intervals.seal()
+        self._own_motion = {quantity: intervals.bounds(quantity) for quantity in QUANTITIES[1:]}
+        self._motion = dict(self._own_motion)
+        intervals.seal()
         self._own_torque = torque
         self._torque = torque[0].copy(), torque[1].copy()
         #: Bounds on the torques (lower, upper), (nj,) each.
@@ -66,8 +65,7 @@ class Applied:
     def reset(self) -> None:
         """Nothing is overridden, and no acceleration is remembered."""
         self.apply(())
-        if self.intervals is not None:
-            self.intervals.forget()
+        self.intervals.forget()
 
     def apply(self, said: Said) -> None:
         """From now on these overrides are in force, by the names of the components that said them, and no others.
@@ -97,7 +95,6 @@ class Applied:
         for quantity, bounds in motion.items():
             before = self._motion[quantity]
             if not all(np.array_equal(new, old) for new, old in zip(bounds, before, strict=True)):
-                assert self.intervals is not None, "there are bounds on motion"
                 self._motion[quantity] = bounds
                 self.intervals.replace(quantity, *bounds, by_plan=True)
         self._limits[:], self._floors[:], self._bias[:], self.inertia = limits, floors, bias, inertia
@@ -166,11 +163,6 @@ class Applied:
 
     # ---- motion
     def _motions(self, said: Said) -> dict[str, _Bounds]:
-        if self.intervals is None:
-            for name, overrides in said:
-                if any(getattr(overrides, quantity) is not None for quantity in QUANTITIES[1:]):
-                    raise NotSupported(f"{name}: bounds on motion, and the stack has no limits on motion to narrow")
-            return {}
         return {what: self._overridden(what, *bounds, said) for what, bounds in self._own_motion.items()}
 
     # ---- both

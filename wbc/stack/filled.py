@@ -89,13 +89,11 @@ class Filled(PlanView):
         """The unknowns that are normal forces."""
         return [int(i) for i in self._normal] if self.level.dynamics else []
 
-    def joint_bounds(self, state: RobotState) -> tuple[Vec, Vec] | None:
+    def joint_bounds(self, state: RobotState) -> tuple[Vec, Vec]:
         """What the limits leave each joint in this state, (nj,) each: velocities or accelerations, as the level has it.
 
-        The problem keeps its own. None where the stack limits neither.
+        The problem keeps its own.
         """
-        if self.intervals is None:
-            return None
         lower, upper = np.array(self.joint_bound_rows)
         write = self.intervals.velocity if self.level.order == 1 else self.intervals.acceleration
         write(state.q_joints, state.v_joints, lower, upper)
@@ -118,7 +116,7 @@ class Filled(PlanView):
         first = self.layout.n_range
         row = p.rows[p.range.start + place] if place < first else p.rows[p.n_rows + place - first]
         quantity, joint = "", place if place < first else place - first - nb
-        if place >= first and self.intervals is not None and 0 <= joint < nj:
+        if place >= first and 0 <= joint < nj:
             bound = self.joint_bound_rows[1 if upper else 0].item(joint)
             quantity = self.intervals.cause(joint, bound, upper=upper)
         elif place < nj and self.level.dynamics:

@@ -115,7 +115,7 @@ class Plan(Filled):
         """What is remembered from tick to tick: the plans of one stack have it in common."""
         model, contacts, limits = self.model, self.stack.contacts, self.layout.motion_limits
         if like is None:
-            intervals = JointIntervals.compose(limits, model, self.dt) if limits else None
+            intervals = JointIntervals.compose(limits, model, self.dt)
             torque = torque_bounds(self.layout.torque_limits, model)
             applied = Applied(model, self.level, self.binding, contacts, intervals=intervals, torque=torque)
         else:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
-import numpy as np
-
 from wbc.models.model import RobotModel
 from wbc.stack.contact import Contact
 from wbc.stack.level import Level
@@ -56,7 +54,7 @@ class PlanView:
     #: The tasks of the whole stack, also those on the force of contacts that are open.
     all_tasks: tuple[Objective, ...]
     binding: Binding
-    intervals: JointIntervals | None
+    intervals: JointIntervals
     applied: Applied
     #: Added to h (nv,) in this tick [N, N m], read-only.
     extra_bias: Vec
@@ -74,9 +72,7 @@ class PlanView:
         Raises:
             InvalidInput: no such quantity.
         """
-        if self.intervals is not None:
-            return self.intervals.bounds(quantity)
-        return np.full(self.model.nj, -np.inf), np.full(self.model.nj, np.inf)
+        return self.intervals.bounds(quantity)
 
     @property
     def extra_inertia(self) -> Mat | None:

@@ -93,7 +93,7 @@ class Stopping:
     def of(cls, plan: Filled) -> Stopping | None:
         """The one of a plan; None where torques or positions have no limits, or the robot has a base or contacts."""
         layout, limits = plan.layout, plan.intervals
-        if not (layout.torque_limits and limits is not None) or plan.model.nb or layout.nf:
+        if not layout.torque_limits or plan.model.nb or layout.nf:
             return None
         bounded = np.isfinite(limits.bounds("position")).any()
         return cls(plan.model, limits, plan.torque_range, plan.dt) if bounded else None

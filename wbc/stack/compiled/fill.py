@@ -55,16 +55,15 @@ class CompiledFill:
         dynamics, first = plan.level.dynamics, layout.motion_row
         self._sizes = np.array(
             [plan.level.order, model.nv, model.nb, layout.nf, p.n + 1, layout.n_rows - first, motion.n_joint_blocks,
-             first, layout.contact_row, layout.n_u, dynamics, plan.intervals is not None, 0, 0, 0], dtype=np.int64,
+             first, layout.contact_row, layout.n_u, dynamics, 0, 0, 0], dtype=np.int64,
         )  # fmt: skip
         scale = p.scale[model.nv : model.nv + layout.nf]
         self._more_inertia = np.zeros((model.nv, model.nv))
         v = state.v
         of_dynamics = [state.M, state.h, plan.extra_bias, scale, self._more_inertia] if dynamics else [v] * 5
-        intervals = () if plan.intervals is None else plan.intervals.memory
         self._memory = Memory(
             self._sizes, p.G, motion.numbers, plan.shares, p.centre, v, *of_dynamics, *plan.joint_bound_rows,
-            state.q_joints, *intervals,
+            state.q_joints, *plan.intervals.memory,
         )  # fmt: skip
         #: For the kernel that fills.
         self.address = self._memory.address
@@ -87,12 +86,12 @@ class CompiledFill:
         self._now[0] = t = state.t
         if version != self._version:
             self._version = version
-            self._sizes[13:] = self._tasks.read(t), self._others.read(t)
+            self._sizes[12:] = self._tasks.read(t), self._others.read(t)
             self._moving = [items for items in (self._tasks, self._others) if items.moves]
         else:
             for items in self._moving:
                 items.follow(t)
         if self._applied.inertia is not self._inertia:
             self._inertia = more = self._applied.inertia
-            self._sizes[12] = more is not None
+            self._sizes[11] = more is not None
             self._more_inertia[:] = 0.0 if more is None else more

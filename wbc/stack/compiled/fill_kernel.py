@@ -18,12 +18,12 @@ def fill(at: int) -> None:
     """What tasks that are followed, the gains of :class:`~wbc.stack.motion.MotionRows` and the plan itself write.
 
     At ``at``: sizes (order, nv, nb, nf, columns of G, motion rows m, blocks of joints, first motion row, first
-    contact row, columns of u, whether there are dynamics, whether joints have intervals, whether inertia is added, what
+    contact row, columns of u, whether there are dynamics, whether inertia is added, what
     ``write_all`` reads of tasks, and of others), what the code below reads by name, from place 14 on what
     ``joint_bounds`` does.
     """
     memory = carray(integers(at), 18)
-    sizes = carray(integers(memory[0]), 15)
+    sizes = carray(integers(memory[0]), 14)
     order, nv, nb, nf, columns, m, n_joint_blocks = (
         sizes[0], sizes[1], sizes[2], sizes[3], sizes[4], sizes[5], sizes[6],
     )  # fmt: skip
@@ -36,8 +36,8 @@ def fill(at: int) -> None:
     share, centre = carray(floats(memory[3]), n_joint_blocks * nj), carray(floats(memory[4]), nv - n_u)
     v, q = carray(floats(memory[VELOCITY]), nv), carray(floats(memory[13]), nj)
 
-    if sizes[13] > 0:
-        write_all(sizes[13])
+    if sizes[12] > 0:
+        write_all(sizes[12])
     for i in range(total):
         if order == 1:
             wanted[i] = rate[i] * e[i] + rate_ref[i]
@@ -65,7 +65,7 @@ def fill(at: int) -> None:
         for i in range(nv):
             for c in range(nv):
                 G[i, c] = M[i, c]
-            if sizes[12] > 0:
+            if sizes[11] > 0:
                 for c in range(nv):
                     G[i, c] += more_inertia[i, c]
             G[i, columns - 1] = h[i] + extra[i]
@@ -73,11 +73,10 @@ def fill(at: int) -> None:
             J, scale = G[contact + f], -force_scale[f]
             for i in range(nv):
                 G[i, nv + f] = scale * J[i]
-    if sizes[11] > 0:
-        lower, upper = carray(floats(memory[11]), nj), carray(floats(memory[12]), nj)
-        joint_bounds(memory[14:], nj, order, q, v[nb:], lower, upper)
-    if sizes[14] > 0:
-        write_all(sizes[14])
+    lower, upper = carray(floats(memory[11]), nj), carray(floats(memory[12]), nj)
+    joint_bounds(memory[14:], nj, order, q, v[nb:], lower, upper)
+    if sizes[13] > 0:
+        write_all(sizes[13])
 
 
 #: What :func:`spoilt` finds.
