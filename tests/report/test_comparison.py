@@ -7,11 +7,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import wbc
 from wbc.control.recorder import Run
 from wbc.errors import InvalidInput
+from wbc.models.collision import Obstacle
+from wbc.models.geometry import Sphere
 from wbc.report import save_comparison
 from wbc.report.comparison import came_out, comparison, demanded, was_set
 from wbc.report.document import Plot, Table, Text
@@ -128,6 +131,15 @@ def test_the_second_robot_is_a_ghost_with_the_shapes_of_the_first(results: dict[
     other = {"humanoid": results["usual"], "arm": result_of(reaching_run(), wbc.load("arm"))}
     mixed = comparison(other).scene
     assert mixed is not None and mixed.ghosts[0]["parts"]
+
+
+def test_obstacles_are_drawn_on_the_page_of_two_runs(tmp_path: Path):
+    runs = {"usual": standing_run(20), "again": standing_run(20)}
+    pages = [
+        save_comparison(runs, tmp_path / str(k), robot=wbc.load("humanoid"), obstacles=around).read_bytes()
+        for k, around in enumerate(([], [Obstacle("post", Sphere(0.2), lambda _: pin.SE3.Identity())]))
+    ]
+    assert len(pages[1]) > len(pages[0])
 
 
 def test_one_run_or_a_run_without_columns_is_refused(tmp_path: Path):

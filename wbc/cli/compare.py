@@ -34,6 +34,7 @@ def compare(
     from wbc.models import load
     from wbc.report import save_comparison
     from wbc.report.build import require_extras
+    from wbc.report.kept import kept_obstacles
     from wbc.report.record import CALLED, beside
 
     require_extras()
@@ -51,7 +52,8 @@ def compare(
             called = names or _called(runs)
         if len(set(called)) < len(called):
             raise InvalidInput(f"two runs are called the same: {', '.join(called)}; give each a --name of its own")
-        page = save_comparison(dict(zip(called, loaded, strict=True)), folder, robot=model, progress=step)
+        compared, obstacles = dict(zip(called, loaded, strict=True)), kept_obstacles(runs[0])
+        page = save_comparison(compared, folder, robot=model, obstacles=obstacles, progress=step)
     reported(page, show=show)
 
 

@@ -40,6 +40,7 @@ from wbc.sim.scenario import Progress, ScenarioResult, failed_first, silent
 
 if TYPE_CHECKING:
     from wbc.control.recorder import Run
+    from wbc.models.collision import Obstacle
     from wbc.models.model import RobotModel
 
 #: So many quantities of a plot are shown at first; the legend has the others.
@@ -52,12 +53,12 @@ TOLD = ("distances", "residuals", "tasks")
 
 def save_comparison(
     runs: Mapping[str, Run], folder: str | os.PathLike[str], *, robot: RobotModel | None = None,
-    progress: Progress = silent
+    obstacles: Sequence[Obstacle] = (), progress: Progress = silent
 ) -> Path:  # fmt: skip
     """Save a page that shows ``runs`` over each other, by the names that they are called there; returns its path.
 
     The first run is the one that the others are compared with. With ``robot`` the motion is drawn; without, each run's
-    own, where its name is enough to load it.
+    own, where its name is enough to load it. ``obstacles`` are drawn with it.
 
     Raises:
         InvalidInput: less than two runs, one that is no record of a controller, or of another robot than ``robot``;
@@ -86,7 +87,8 @@ def save_comparison(
     checks.instance("runs", runs, Mapping, "runs by name")
     if len(runs) < 2:
         raise InvalidInput(f"{len(runs)} run is nothing to compare; give two or more")
-    results = {name: judged(run, checked(run, robot, f"runs[{name!r}]") or named(run)) for name, run in runs.items()}
+    drawn = {name: checked(run, robot, f"runs[{name!r}]") or named(run) for name, run in runs.items()}
+    results = {name: replace(judged(run, drawn[name]), obstacles=obstacles) for name, run in runs.items()}
     target = located(folder)
     with replaced(target) as pending:
         write(comparison(results, progress=progress), pending)
