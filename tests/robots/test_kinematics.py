@@ -10,6 +10,7 @@ import pinocchio
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import least_squares
 
 import wbc
 from tests.robots.test_joint_map import sliding
@@ -78,6 +79,25 @@ def test_a_stream_of_poses_has_no_jumps():
         q = moved
         assert np.abs(ARM.forward_kinematics(q) - goal).max() < 1e-4
     assert max(steps) < 5.0
+
+
+def test_what_cannot_be_met_is_weighed_from_every_start():
+    """Five joints follow a circle with an orientation that they cannot keep; the oracle is least squares of SciPy."""
+    arm = RobotKinematics(URDF, "tool", ARM.joint_names[:5])
+    q = np.array([0.0, 20.0, 0.0, 80.0, 0.0])
+    pose = arm.forward_kinematics(q)
+
+    def residual(degrees: np.ndarray, goal: np.ndarray) -> np.ndarray:
+        there = arm.forward_kinematics(degrees)
+        return np.concatenate([there[:3, 3] - goal[:3, 3], 0.1 * pinocchio.log3(goal[:3, :3].T @ there[:3, :3])])
+
+    for k in range(20):
+        goal = pose.copy()
+        goal[:3, 3] += 0.08 * np.array([0.0, np.sin(0.1 * k), np.cos(0.1 * k) - 1.0])
+        q = arm.inverse_kinematics(q, goal)
+        best = least_squares(residual, q, args=(goal,), x_scale=10.0)
+        assert residual(q, goal) @ residual(q, goal) <= 1.001 * residual(best.x, goal) @ residual(best.x, goal) + 1e-12
+    assert not arm.found.ok and np.abs(residual(q, goal)[:3]).max() < 0.01
 
 
 def test_weights_leave_out_what_is_0_and_a_gripper_comes_back():

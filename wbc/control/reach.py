@@ -20,7 +20,7 @@ from wbc.stack.member import bound
 from wbc.stack.stack import Stack
 from wbc.stack.task import Exactly, Objective, Task
 from wbc.tolerances import MET
-from wbc.types import Status, Vec
+from wbc.types import Index, Status, Vec
 
 #: A step is a tick of this length [s] in which tasks have to remove all of their error.
 _DT = 1e-2
@@ -36,8 +36,9 @@ _PATIENCE = 10
 class Reached:
     """What :func:`reach` found. ``ok``: all tasks of the first level are met, within all constraints.
 
-    ``q`` (nq,) is the best configuration found, ``errors`` the error of each task there (dim,) in the task's units,
-    and ``reason`` why it is not ok, or "". ``attempts`` starts were tried, with ``steps`` steps in all.
+    ``q`` (nq,) is the best configuration found; where tasks cannot be met, the one within all constraints with the
+    least Σ w e² of the errors of the first level. ``errors`` has the error of each task there (dim,) in the task's
+    units, and ``reason`` says why it is not ok, or "". ``attempts`` starts were tried, with ``steps`` steps in all.
     """
 
     q: Vec
@@ -123,15 +124,14 @@ def reach(
             q[robot.nq - robot.nj :] = robot.random_configuration(rng)[robot.nq - robot.nj :]
         found = search.descend(q, steps)
         used += found.steps
-        if best is None or found.missed < best.missed:
-            best = found
+        best = found if best is None else min(best, found)
         if best.missed <= 1.0:
             break
     assert best is not None, "there is an attempt"
     if best.missed > 1.0 and len(levels) == 1:  # the point nearest by, where steps without damping do not come to rest
         found = _Search(robot, levels, limits, tolerance, damped=True).descend(best.q, steps)
         used += found.steps
-        best = min(best, found, key=lambda one: one.missed)
+        best = min(best, found)
     reason = "" if best.missed <= 1.0 else best.says
     if reason:
         free = [limit.name for limit in limits if search.without(limit).descend(best.q, steps).missed <= 1.0]
@@ -166,13 +166,20 @@ def _quick(member: Any) -> Any:
 @final
 @dataclass(frozen=True, eq=False)
 class _Found:
-    """Where steps ended: what is missed, in tolerances, and in words."""
+    """Where steps ended: what is missed, in tolerances, and in words; what of it are constraints; Σ w e² of tasks."""
 
     q: Vec
     errors: Mapping[str, Vec]
     missed: float
     says: str
+    broken: float = np.inf
+    cost: float = np.inf
     steps: int = 0
+
+    def __lt__(self, other: _Found) -> bool:
+        """Whether this is better: first what is met, then what breaks constraints less, then what costs less."""
+        one, two = ((f.missed > 1.0, max(f.broken, 1.0), f.cost) for f in (self, other))
+        return one < two
 
 
 @final
@@ -197,9 +204,11 @@ class _Search:
         )  # fmt: skip
         layout = self._controller.plan.layout
         first = [task for task in self._controller.plan.stack.levels[0] if isinstance(task, Task)]
-        #: Names, tasks and rows of what must be met.
-        self._must = [(task.name, task, np.flatnonzero(task.weights())) for task in first]
-        self._must += [(block.name, block.says, np.arange(block.dim)) for block in layout.exact]
+        #: Names, tasks and rows of what must be met; weights (dim,) of what is no constraint.
+        self._must: list[tuple[str, Any, Index, Vec | None]] = [
+            (task.name, task, np.flatnonzero(task.weights()), task.weights()) for task in first
+        ]
+        self._must += [(block.name, block.says, np.arange(block.dim), None) for block in layout.exact]
 
     def checked(self, start: Any) -> Vec:
         """A copy (nq,) of a configuration to start from.
@@ -227,7 +236,7 @@ class _Search:
         for k in range(steps + 1):
             command = controller.tick(_DT * k, q, still)
             found = self._judged(q) if command.status is not Status.FAILED else self._failed(q)
-            if best is None or found.missed <= 1.0 or found.missed < best.missed:
+            if best is None or found.missed <= 1.0 or found < best:
                 best, last = found, k
             met = found.missed <= 1.0 and len(self._levels) == 1
             lost = not self._damped and k - last >= _PATIENCE
@@ -245,19 +254,24 @@ class _Search:
         """What the configuration filled last misses."""
         plan, positions = self._controller.plan, q[self._robot.nq - self._robot.nj :]
         errors = plan.errors()
-        missed, says = 0.0, ""
-        for name, task, rows in self._must:
-            for i, off in zip(rows.tolist(), np.abs(errors[name][rows]).tolist(), strict=True):
-                if off / self._tolerance > missed:
-                    missed, says = (
-                        off / self._tolerance,
-                        f"{name} stays {off:.3g} {task.unit(i)} off in {task.label(i)}",
-                    )
+        missed, says, broken, cost = 0.0, "", 0.0, 0.0
+        for name, task, rows, weights in self._must:
+            off = np.abs(errors[name][rows])
+            worst = float(off.max(initial=0.0)) / self._tolerance
+            if worst > missed:
+                i, missed = int(off.argmax()), worst
+                says = f"{name} stays {off[i]:.3g} {task.unit(rows[i])} off in {task.label(rows[i])}"
+            if weights is None:
+                broken = max(broken, worst)
+            else:
+                cost += float(weights[rows] @ off**2)
         for name, (_, margins) in plan.margins().items():
             short = -float(margins.min(initial=0.0))
+            broken = max(broken, short / MET)
             if short / MET > max(missed, 1.0):
                 missed, says = short / MET, f"{name} is missed by {short:.3g}"
         short = -float(plan.intervals.nearest(positions).min(initial=0.0))
+        broken = max(broken, short / MET)
         if short / MET > max(missed, 1.0):
             missed, says = short / MET, plan.intervals.recovery(positions)
-        return _Found(q, errors, missed, says)
+        return _Found(q, errors, missed, says, broken, cost)
