@@ -160,6 +160,18 @@ def _swapped(came: list[Any]) -> Any:
     return came[-3] if len(came) > 3 and len(came) % 5 == 0 else came[-1]
 
 
+def _twice(came: list[Any]) -> Any:
+    return came[-1 - len(came) % 2] if len(came) > 1 else came[-1]
+
+
+def _mirrored(reading: Reading) -> Reading:
+    """All of an IMU whose y counts the other way."""
+    x, y, z, w = reading.quaternion
+    flip = np.array([1.0, -1.0, 1.0])
+    quaternion = np.array([-x, y, -z, w])
+    return replace(reading, quaternion=quaternion, gyro=-flip * reading.gyro, acceleration=flip * reading.acceleration)
+
+
 def _torn(came: list[Any]) -> Any:
     return came[-1][:100] + bytes([came[-1][100] ^ 1]) + came[-1][101:]
 
@@ -310,6 +322,49 @@ MISTAKES = [
         own=_reads(dq=_flipped(-1)),
     ),
     Seeded(
+        "a whole turn at a knee",
+        "go2",
+        "offset",
+        "front_left_knee is read at -7.",
+        wrong={"offset": {"front_left_knee": 2 * np.pi}},
+    ),
+    Seeded(
+        "torques with the other sign",
+        "go2",
+        "torque",
+        "the torques of all joints are read with the other sign",
+        own=_reads(tau=_flipped(-1)),
+    ),
+    Seeded(
+        "torques of half the size",
+        "go2",
+        "torque",
+        "the torques of all joints are read 0.",
+        own=_reads(tau=_flipped(0.5)),
+    ),
+    Seeded(
+        "gear of a rear knee",
+        "go2",
+        "gear",
+        "the gear of rear_left_knee is wrong",
+        wrong={"gear": {"rear_left_knee": 2}},
+    ),
+    Seeded(
+        "IMU mirrored",
+        "go2",
+        "imu",
+        "if the robot is upside down; else it is mirrored",
+        own=lambda t: Other(t, unpack=_mirrored),
+    ),
+    Seeded(
+        "accelerometer without gravity",
+        "go2",
+        "imu",
+        "gravity is left out",
+        own=_reads(acceleration=lambda a: a - [0.0, 0.0, 9.81]),
+    ),
+    Seeded("states sent twice", "go2", "stale", "are the one before once more", spoil=_twice),
+    Seeded(
         "joints 1 and 3",
         "franka",
         "order",
@@ -346,6 +401,20 @@ MISTAKES = [
     Seeded(
         "offset of joint 2", "franka", "offset", "shoulder_pitch is off by", wrong={"offset": {"shoulder_pitch": 0.2}}
     ),
+    Seeded(
+        "a whole turn at joint 4",
+        "franka",
+        "offset",
+        "beyond its limits -2.40 and 2.40: it is off by whole turns",
+        wrong={"offset": {"elbow": 2 * np.pi}},
+    ),
+    Seeded(
+        "degrees and sign of joint 4",
+        "franka",
+        "unit",
+        "elbow comes in radians and is taken for degrees, with the other sign",
+        wrong={"unit": {"elbow": "deg"}, "sign": {"elbow": -1}},
+    ),
     Seeded("degrees", "franka", "unit", "every joint comes in radians and is taken for degrees", wrong={"unit": "deg"}),
     Seeded(
         "torques with the other sign",
@@ -362,6 +431,7 @@ MISTAKES = [
         "mode_machine is 0; it must be 5",
         own=_sends(HG_COMMAND, _set("mode_machine", 0)),
     ),
+    Seeded("mode_pr 1", "g1", "frame", "mode_pr is 1; it must be 0", own=_sends(HG_COMMAND, _set("mode_pr", 1))),
     Seeded("crc 0", "g1", "frame", "crc is 0x00000000", own=_sends(HG_COMMAND, _set("crc", 0), seal=False)),
     Seeded("w first", "g1", "imu", "w first, and is read as x y z w", own=_reads(quaternion=lambda q: np.roll(q, 1))),
     Seeded("knees", "g1", "order", "left_knee_joint and right_knee_joint are exchanged", exchange=both((_L[3], _R[3]))),
@@ -375,6 +445,7 @@ MISTAKES = [
         "the sign of right_shoulder_roll_joint is wrong",
         wrong={"sign": {_ARMS[1][1]: -1}},
     ),
+    Seeded("gear of a knee", "g1", "gear", "the gear of left_knee_joint is wrong", wrong={"gear": {_L[3]: 2}}),
     Seeded("offset of an elbow", "g1", "offset", "left_elbow_joint is off by", wrong={"offset": {_ARMS[0][3]: 0.5}}),
 ]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,8 +14,9 @@ import wbc
 from tests.robots.examples import needs_examples
 from tests.robots.test_joint_map import sliding
 from wbc.errors import InvalidInput
-from wbc.robots import JointMap, MotorBoard, Ros2Control, UnitreeGo2
-from wbc.robots.check import _Check, check
+from wbc.robots import JointMap, LeRobot, MotorBoard, Ros2Control, UnitreeGo2
+from wbc.robots.check import Checked, _Check, check
+from wbc.robots.hands import BoardHands
 from wbc.robots.response import Candidates, Expected, Response
 from wbc.sim.engine import PhysicsSettings
 
@@ -24,7 +26,17 @@ pytestmark = pytest.mark.physics
 from tests.robots.mistakes import CLEAN, MISTAKES, Seeded, checked, page  # noqa: E402 - needs the physics engine
 from wbc.sim.mujoco_ import MujocoPlant  # noqa: E402
 
+
+def checked_without_torques(**conventions: Any) -> Checked:
+    """A check of an arm that says positions in degrees alone."""
+    robot = wbc.load("arm")
+    arm = LeRobot(robot.joint_names)
+    board = MotorBoard(arm, MujocoPlant(robot, settings=PhysicsSettings(armature=0.01)))
+    return check(board, robot, joint_map=arm.joint_map(robot, **conventions), hands=BoardHands(board))
+
+
 QUICK = {"crc 0", "w first", "accelerometer in g", "stale states", "states at 50 Hz", "no states", "sign of joint 4"}
+QUICK |= {"states sent twice", "IMU mirrored", "accelerometer without gravity", "a whole turn at joint 4"}
 QUICK |= {"joints 1 and 3", "offset of joint 4", "torques with the other sign", "clock in milliseconds"}
 
 
@@ -123,6 +135,33 @@ def test_a_mistake_that_is_applied_to_what_it_does_gives_the_robot_back(seed: in
         np.testing.assert_allclose(getattr(back, name), getattr(true, name), rtol=1e-9)
 
 
+@given(seed=st.integers(0, 2**32 - 1))
+def test_a_joint_that_is_read_beyond_its_limits_is_named(seed: int):
+    rng = np.random.default_rng(seed)
+    robot = wbc.load("quadruped", base="fixed")
+    expected, least, most = Expected(robot, np.eye(3)), robot.limits.q_min, robot.limits.q_max
+    q = rng.uniform(least, most)
+    assert expected.outside(q + rng.uniform(-0.2, 0.2, 12)) == []
+    joint, turns = rng.integers(12), rng.choice([-2, -1, 1, 2])
+    turned, far = q.copy(), q.copy()
+    turned[joint] += 2.0 * np.pi * turns
+    far[joint] = most[joint] + rng.uniform(0.5, 2.0 * np.pi - (most - least)[joint] - 0.5)
+    for read, why in ((turned, "off by whole turns"), (far, "its offset or its unit")):
+        (found,) = expected.outside(read)
+        assert found.joints == (robot.joint_names[joint],) and why in found.sentence
+
+
+def test_what_torques_do_not_show_is_said():
+    robot = wbc.load("arm")
+    expected = Expected(robot, np.eye(3))
+    amplitude = 0.06 * np.eye(7)
+    Q = np.hstack([amplitude, 0.0 * amplitude])
+    rest = Response(robot.q0, np.zeros(7), Q, 0.0 * Q, -((5.0 * np.pi) ** 2) * Q, 0.0 * Q)
+    gear, offset = Candidates(expected).hidden(expected.ideal(rest), expected)
+    assert "gear of" in gear and "wrist_roll" in gear and "elbow" not in gear
+    assert "offset of" in offset and "shoulder_yaw" in offset and "wrist_roll" in offset and "elbow" not in offset
+
+
 @pytest.mark.parametrize("fingers", [2, 6, 7, 20])
 def test_limbs_that_are_alike_are_exchanged_each_with_each(fingers: int, tmp_path: Path):
     """A hand of many fingers has too many ways to exchange several pairs at once."""
@@ -157,6 +196,13 @@ def test_no_joint_swings_further_than_its_range(share: float, gear: float, sign:
     assert checker.move() is not None
     assert np.ptp(asked, axis=0)[:3].min() > 0.1 and np.ptp(asked, axis=0)[3] > 0.005
     assert (np.abs(asked) <= robot.limits.q_max + 1e-9).all()
+
+
+def test_gears_and_offsets_of_a_robot_without_torques_are_not_proven():
+    found = checked_without_torques()
+    assert found.ok and found.unproven == ["gears and offsets, as the robot reports no torques"]
+    turned = checked_without_torques(offset={"elbow": 360.0})
+    assert [one.kind for one in turned.findings] == ["offset"] and "elbow is read at" in turned.findings[0].sentence
 
 
 def test_a_floating_base_is_refused():

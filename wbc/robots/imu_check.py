@@ -33,6 +33,8 @@ def still(readings: Sequence[Reading]) -> str:
     if abs(length - 1.0) > 0.05:
         return f"the quaternion of the IMU has length {length:.3g}, not 1"
     size = float(np.linalg.norm(force))
+    if size < 0.5:
+        return f"the accelerometer says {size:.2g} m/s² at rest: gravity is left out, or it is not the accelerometer"
     if not 0.7 * _G < size < 1.4 * _G:
         return f"the accelerometer is in {'g' if 0.7 < size < 1.4 else 'another unit'}: at rest it says {size:.3g} m/s²"
     return ""
@@ -56,7 +58,8 @@ def turned(rest: Sequence[Reading], turns: Sequence[Sequence[Reading]]) -> str:
         for text, read in _READ:
             if _is(_turns(read(quaternion), [read(end) for end in ends]), np.eye(3)):
                 return text
-        return _mounted("the IMU", seen)
+        stands = (seen.T @ _mean(rest, "acceleration"))[2] > -0.7 * _G
+        return _mounted("the IMU", seen) + ("" if stands else ", if the robot is upside down; else it is mirrored")
     gyro, vectors = [], _vectors(quaternion, ends)
     for turn, vector in zip(turns, vectors, strict=True):
         times = np.array([reading.time for reading in turn])

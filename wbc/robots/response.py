@@ -16,13 +16,13 @@ how: joint i of the map is joint π(i) of the robot, and
 
     q_π = (q_i − o) / (s r)        τ_π = s f τ_i        s = ±1, ratio r, offset o
 
-with f = r for a gear, and f = 1 for a unit, which torques do not have.
+with f = r for a gear, and f = 1 for a unit, which torques do not have. Torques that are read wrong have s r = 1.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import permutations, product
 from typing import Any, final
 
@@ -33,8 +33,14 @@ from wbc.types import Index, Mat, Vec
 
 #: What measured torques may differ from the model's by: so much [N m], and this share.
 _DYNAMIC, _STATIC, _SHARE = 0.02, 0.1, 0.12
+#: A mistake must explain so much more of what was seen than the map as it is does, in units of the cost.
+CONVINCING = 5.0
+#: Gears that are tried first.
+_RATIOS = 0.015, 0.1, 0.3, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 10.0, 60.0
 #: Of so many limbs that are alike, several pairs may be exchanged at once.
 _FEW = 6
+#: A joint stands so far beyond its limits at most [rad, m].
+_BEYOND = 0.3
 #: What a motor may add to its joint: inertia of the rotor [kg m², kg], friction [N m s/rad, N s/m].
 _ROTOR, _FRICTION = 0.02, 3.0
 
@@ -56,7 +62,7 @@ class Response:
 @final
 @dataclass(frozen=True, eq=False)
 class Mistake:
-    """A wrong map, and the ``sentence`` that names it; ``kind``: "order", "sign", "gear", "unit", "offset"."""
+    """A wrong map, and the ``sentence`` that names it; ``kind``: order, sign, gear, unit, offset or torque."""
 
     kind: str
     sentence: str
@@ -94,6 +100,7 @@ class Expected:
 
     def __init__(self, robot: Any, attitude: Mat) -> None:
         self.names: tuple[str, ...] = robot.joint_names
+        self._limits = robot.limits
         self._model = robot.pinocchio.copy()
         self._model.gravity = pinocchio.Motion(attitude.T @ robot.gravity, np.zeros(3))
         self._data = self._model.createData()
@@ -127,6 +134,19 @@ class Expected:
         gravity, G, M = self.at(seen.q)
         return Response(seen.q, gravity, seen.Q, seen.V, seen.A, G @ seen.Q + M @ seen.A)
 
+    def outside(self, q: Vec) -> list[Mistake]:
+        """Joints that are read where they cannot be; a whole turn changes no torque."""
+        least, most, candidates = self._limits.q_min, self._limits.q_max, Candidates(self)
+        found = []
+        for i in np.flatnonzero(np.maximum(q - most, least - q) > _BEYOND):
+            off = q[i] - np.clip(q[i], least[i], most[i])
+            nearest = q[i] - np.sign(off) * 2.0 * np.pi * np.ceil(abs(off) / (2.0 * np.pi))
+            is_turned = least[i] - _BEYOND <= nearest <= most[i] + _BEYOND
+            why = "it is off by whole turns" if is_turned else "its offset or its unit is wrong"
+            text = f"{self.names[i]} is read at {q[i]:.2f}, beyond its limits {least[i]:.2f} and {most[i]:.2f}: {why}"
+            found.append(candidates.made("offset", text, [int(i)]))
+        return found
+
     def limbs(self) -> list[list[int]]:
         """Joints that follow one another from the base, or from where chains part."""
         parents, found = self._model.parents, dict[int, list[int]]()
@@ -147,7 +167,8 @@ class Candidates:
         self.names, self.n = expected.names, len(expected.names)
         self._limbs = expected.limbs()
 
-    def _made(self, kind: str, sentence: str, joints: Sequence[int], **how: Any) -> Mistake:
+    def made(self, kind: str, sentence: str, joints: Sequence[int], **how: Any) -> Mistake:
+        """A mistake; ``order``, ``scale`` and ``offset`` by joint."""
         order, scale, offset = np.arange(self.n), np.ones(self.n), np.zeros(self.n)
         for name, array in (("order", order), ("scale", scale), ("offset", offset)):
             for joint, value in how.get(name, {}).items():
@@ -159,7 +180,7 @@ class Candidates:
         """Two joints, for each other."""
         names = self.names
         return [
-            self._made("order", f"{names[i]} and {names[j]} are exchanged", [i, j], order={i: j, j: i})
+            self.made("order", f"{names[i]} and {names[j]} are exchanged", [i, j], order={i: j, j: i})
             for i in range(self.n)
             for j in range(i + 1, self.n)
         ]
@@ -168,7 +189,7 @@ class Candidates:
         """One joint, or all, count the other way round."""
         each = [(f"the sign of {name} is", [i]) for i, name in enumerate(self.names)]
         return [
-            self._made("sign", f"{whose} wrong", joints, scale=dict.fromkeys(joints, -1))
+            self.made("sign", f"{whose} wrong", joints, scale=dict.fromkeys(joints, -1))
             for whose, joints in [*each, ("the signs of all joints are", [*range(self.n)])]
         ]
 
@@ -190,7 +211,7 @@ class Candidates:
                 text = " and ".join(
                     f"{self._name(alike[k])} with {self._name(alike[o])}" for k, o in enumerate(order) if o > k
                 )
-                found.append(self._made("order", f"limbs are exchanged: {text}", [*moved], order=moved))
+                found.append(self.made("order", f"limbs are exchanged: {text}", [*moved], order=moved))
             groups = [[limb] for limb in alike] + ([alike] if len(alike) > 1 else [])
             for order, group in product(_orders(size), groups):
                 apart = [(k, o) for k, o in enumerate(order) if k != o]
@@ -198,41 +219,69 @@ class Candidates:
                 whose = "each limb" if group is alike else f"the limb of {self._name(group[0])}"
                 text = ", ".join(f"{self.names[group[0][k]]} is {self.names[group[0][o]]}" for k, o in apart)
                 sentence = f"the joints of {whose} are in another order: {text}"
-                found.append(self._made("order", sentence, [*moved], order=moved))
+                found.append(self.made("order", sentence, [*moved], order=moved))
         return found
 
     def _name(self, limb: list[int]) -> str:
         return self.names[limb[0]]
 
     def geared(self, seen: Response, expected: Expected) -> list[Mistake]:
-        """One joint, or all, have a gear or a unit that the map does not know of, as its own response says."""
-        _, G, M = expected.at(seen.q)
-        wanted, n = G @ seen.Q + M @ seen.A, self.n
-        sizes = [[float(np.hypot(one[i, i], one[i, n + i])) for one in (wanted, seen.T)] for i in range(n)]
-        ratios = np.sqrt([max(model, 1e-9) / max(own, 1e-9) for model, own in sizes])
+        """One joint, or all, have a gear or a unit that the map does not know of; its size is what fits best."""
         found = []
-        for (who, joints), ratio in zip(self._sets(), [*ratios, np.median(ratios)], strict=True):
+        for who, joints in self._sets():
 
             def geared(r: float, who: str = who, joints: list[int] = joints) -> Mistake:
                 text = f"the gear of {who} is wrong: what is read is {r:.3g} times what it moves"
-                return self._made("gear", text, joints, scale=dict.fromkeys(joints, r))
+                return self.made("gear", text, joints, scale=dict.fromkeys(joints, r))
 
-            if not 0.8 < ratio < 1.25:
-                best = _least(geared, seen, expected, [ratio], lambda r, step: r * np.exp(step))
-                if not 0.85 < best < 1.18:
-                    found.append(geared(best))
+            best = _least(geared, seen, expected, _RATIOS, lambda r, step: r * np.exp(step))
+            if not 0.85 < best < 1.18:
+                found.append(geared(best))
         return found
 
     def units(self) -> list[Mistake]:
-        """One joint, or all, are read in another unit."""
-        mistaken = (
-            (180.0 / np.pi, "degrees and is taken for radians"),
-            (np.pi / 180.0, "radians and is taken for degrees"),
-        )
+        """One joint, or all, are read in another unit, and may count the other way round, too."""
+        mistaken = [
+            (sign * factor, text + (", with the other sign" if sign < 0 else ""))
+            for factor, text in (
+                (180.0 / np.pi, "degrees and is taken for radians"),
+                (np.pi / 180.0, "radians and is taken for degrees"),
+            )
+            for sign in (1, -1)
+        ]
         return [
-            self._made("unit", f"{who} comes in {text}", joints, scale=dict.fromkeys(joints, factor))
+            self.made("unit", f"{who} comes in {text}", joints, scale=dict.fromkeys(joints, factor))
             for (who, joints), (factor, text) in product(self._sets(), mistaken)
         ]
+
+    def torques(self, seen: Response, expected: Expected) -> list[Mistake]:
+        """All torques are read with another sign or unit."""
+        wanted = expected.ideal(seen).T
+        ratio = float(np.median((seen.T * wanted).sum(axis=1) / ((wanted**2).sum(axis=1) + 1e-12)))
+
+        def read(r: float) -> Mistake:
+            how = "with the other sign" if -1.25 < r < -0.8 else f"{r:.2g} times as large as they are"
+            made = self.made("torque", f"the torques of all joints are read {how}", range(self.n))
+            return replace(made, force=np.full(self.n, 1.0 / r))
+
+        best = _least(read, seen, expected, [ratio], lambda r, step: r * np.exp(step)) if ratio else 1.0
+        return [] if 0.8 < best < 1.25 else [read(best)]
+
+    def hidden(self, seen: Response, expected: Expected) -> list[str]:
+        """What torques do not show of a robot that is as ``seen``: gears and offsets of light joints."""
+        found = []
+        for what, name, sizes in (("gear", "scale", (0.5, 2.0)), ("offset", "offset", (-0.3, 0.3))):
+            joints = [
+                self.names[i]
+                for i in range(self.n)
+                if any(
+                    expected.cost(self.made(what, "", [i], **{name: {i: size}}).applied(seen)) < CONVINCING
+                    for size in sizes
+                )
+            ]
+            if joints:
+                found.append(f"not shown by torques: the {what} of {', '.join(joints)}")
+        return found
 
     def shifted(self, seen: Response, expected: Expected, joints: Sequence[int]) -> list[Mistake]:
         """One joint that is off by a constant; its size is what fits best."""
@@ -240,7 +289,7 @@ class Candidates:
         for i in joints:
 
             def off(by: float, i: int = i) -> Mistake:
-                return self._made("offset", f"{self.names[i]} is off by {by:.2f} rad", [i], offset={i: by})
+                return self.made("offset", f"{self.names[i]} is off by {by:.2f} rad", [i], offset={i: by})
 
             best = _least(off, seen, expected, np.linspace(-np.pi, np.pi, 64), lambda by, step: by + step)
             if abs(best) > 0.08:

@@ -101,7 +101,7 @@ class Unitree(Device):
     #: Fields that are the same in every frame; what a command sends to slots without a motor of ours.
     fixed: ClassVar[Mapping[str, Any]] = {}
     idle: ClassVar[Mapping[str, float]] = {}
-    #: Fields of a state that a command repeats, and their values; the robot insists on ``mode_machine``.
+    #: Fields of a state that a command repeats, and their values.
     echoed: ClassVar[Mapping[str, range]] = {}
     #: The field of a state with the forces in the feet; the slot whose position is the weight of an order.
     feet: ClassVar[str | None] = None
@@ -157,10 +157,8 @@ class Unitree(Device):
 
     def decode(self, frame: Any, reading: Reading) -> Order:
         command = self._opened(frame, self.command, check=True)
-        wanted = dict(self.fixed)
-        if "mode_machine" in self.echoed:
-            wanted["mode_machine"] = reading.mode_machine
-        for name, value in wanted.items():
+        echoed = {name: getattr(reading, name) for name in self.echoed}
+        for name, value in {**self.fixed, **echoed}.items():
             if np.any(command[name] != value):
                 raise BadFrame(f"{name} is {command[name]}; it must be {value}")
         motors = command["motor_cmd"][self.index]
