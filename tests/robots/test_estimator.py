@@ -30,7 +30,7 @@ from tests.robots.motions import (
 )  # fmt: skip
 from tests.seeds import generator
 from wbc.errors import InvalidInput, UnknownFrame
-from wbc.robots import BaseEstimator, ImuNoise
+from wbc.robots import SENSORS, BaseEstimator, ImuNoise
 from wbc.sim.spoiling import RUBBISH, spoilt
 from wbc.types import Mat, Vec
 
@@ -469,3 +469,19 @@ def test_frames_that_are_not_there_are_refused_by_name() -> None:
     for settings_ in ({"contacts": ["nose"]}, {"imu_frame": "nose"}):
         with pytest.raises(UnknownFrame, match="nose"):
             BaseEstimator(ROBOT, **settings_)  # type: ignore[arg-type]
+
+
+def test_the_rate_of_a_base_that_a_leg_swings_is_not_late():
+    """A step of a humanoid turns its base by up to 0.25 rad/s, 1.4 times a second; what is late moves the foot."""
+    robot, w = wbc.load("quadruped"), 2.0 * np.pi * 1.4
+    estimator = BaseEstimator(robot, noise=SENSORS["mti-300"].imu)
+    estimator.reset(robot.q0, np.zeros(robot.nv))
+    off = []
+    for t in np.arange(1e-3, 1.0, 1e-3):
+        rate = 0.25 * np.sin(w * t)
+        _, v = estimator.update(
+            t, robot.q0[7:], np.zeros(12), np.array([0.0, rate, 0.0]), np.array([0.0, 0.0, 9.81]),
+            forces=dict.fromkeys(robot.feet, 0.0),
+        )  # fmt: skip
+        off.append(abs(v[4] - rate))
+    assert max(off[200:]) < 3e-3

@@ -115,7 +115,7 @@ class BaseEstimator:
         sink: float = 1e-3,
         joint_rate: float = 0.0,
         floor: float | None = None,
-        agility: tuple[float, float] = (0.3, 10.0),
+        agility: tuple[float, float] = (3.0, 10.0),
         make: float = 0.05,
         break_: float = 0.025,
         settle: float = 5e-3,
