@@ -2,7 +2,8 @@
 
 The loop tells it some fifty times a second which order holds the robot where it is. When the pipe between them ends,
 which a killed process does not prevent, when it is silent for longer than ``silence``, or when it is told to, the guard
-sends that order at the device's rate. It goes on until it is dismissed, until ``hold_for`` is over, or for good:
+sends that order at the device's rate, where the system allows it with real-time priority, so that no other work of the
+computer keeps it waiting. It goes on until it is dismissed, until ``hold_for`` is over, or for good:
 a robot that is held does not fall.
 """
 
@@ -12,6 +13,7 @@ import os
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from multiprocessing.connection import Connection, Pipe
 from select import select
 from typing import Any, final
@@ -76,6 +78,8 @@ class Guard:
 
 def watch(connection: Connection) -> None:
     """What the process does."""
+    with suppress(AttributeError, OSError):  # not every system has it, and not every user may
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
     port, silence, hold_for = connection.recv()
     connection.send("ready")
     period = 1.0 / port.device.rate
