@@ -31,7 +31,7 @@ RUNS: Mapping[str, tuple[list[str], float, tuple[str, ...]]] = {
     "position-drives": (["robot=arm"], 0.4, ()),
     "arm-reach": (["robot=arm"], 2.55, ()),
     "collision-dodge": ([], 0.05, ()),
-    "pg-step": (["robot=arm"], 0.3, ("α* in the plane", "QP and step apart")),
+    "pg-step": (["robot=arm"], 0.3, ("α* in the plane", "difference of QP and step")),
     "pr-torque": ([], 0.3, ("τ(0) by", "τ(0) for", NO_RANGE)),
     "pr-fault": ([], 0.3, ("share lost of joint 1", "alarm of joint 1 later", NO_RANGE)),
     "4p-adaptive": ([], 0.5, ("M_r of unit masses", NO_RANGE)),
