@@ -35,7 +35,8 @@ def _inline(writer: Any, node: nodes.math) -> None:
 
 
 def _block(writer: Any, node: nodes.math_block) -> None:
-    writer.body.append(f'<div class="math" style="overflow-x: auto">{convert(node.astext(), display="block")}</div>\n')
+    equation = convert(node.astext(), display="block")
+    writer.body.append(f'<div class="math" style="overflow-x: auto; overflow-y: hidden">{equation}</div>\n')
     raise nodes.SkipNode
 
 
