@@ -123,7 +123,7 @@ class Filled(PlanView):
             quantity = "torque"
         if quantity:
             limits, said = self.layout.joint_limits, self.applied.said
-            name = owner(quantity, joint, limits, said, upper=upper, model=self.model, v=state.v_joints)
+            name = owner(quantity, joint, limits, said, upper=upper, v=state.v_joints)
             return row._replace(owner=name or row.owner)
         for block in self.barriers:
             at = p.range.start + place

@@ -56,7 +56,8 @@ class Layout:
         exact = [constraint for constraint in constraints if not _has_slack(constraint)]
         tasks: list[Task] = of_kind(stack.tasks, Task)
         intervals: list[JointInterval] = of_kind(exact, JointInterval)
-        self.joint_limits = intervals
+        #: Each limit on a quantity of the joints, with its bounds (nj,).
+        self.joint_limits = [(limit, *limit.bounds(model)) for limit in intervals]
         self.motion_limits = [limit for limit in intervals if limit.quantity != "torque"]
         self.torque_limits = [limit for limit in intervals if limit.quantity == "torque"]
 

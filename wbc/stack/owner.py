@@ -7,16 +7,14 @@ from math import inf
 
 import numpy as np
 
-from wbc import checks
-from wbc.models.model import RobotModel
 from wbc.stack.constraint import JointInterval, TorqueBySpeed
 from wbc.stack.overrides import Overrides
 from wbc.types import Vec
 
 
 def owner(
-    quantity: str, joint: int, limits: Sequence[JointInterval], said: Sequence[tuple[str, Overrides]], *,
-    upper: bool, model: RobotModel, v: Vec,
+    quantity: str, joint: int, limits: Sequence[tuple[JointInterval, Vec, Vec]],
+    said: Sequence[tuple[str, Overrides]], *, upper: bool, v: Vec,
 ) -> str:  # fmt: skip
     """The name of the constraint, or of the component, with the narrowest bound on a quantity of a joint; of equal
     bounds the first. "" where nothing limits the quantity.
@@ -24,22 +22,21 @@ def owner(
     Args:
         quantity: "torque", "position", "velocity", "acceleration" or "jerk".
         joint: its index.
-        limits: the constraints of the stack.
+        limits: the constraints of the stack, with their bounds (nj,).
         said: the overrides of this tick, by the names of their components.
         upper: the side.
-        model: the robot.
         v: velocities (nj,) of the joints, which limits of torque by speed depend on.
     """
     side = 1 if upper else 0
     sign = 1.0 if upper else -1.0
     bounds: list[tuple[float, str]] = []
     lifted = any(joint in overrides.lifted.get(quantity, ()) for _, overrides in said)
-    for limit in limits:
+    for limit, *bound in limits:
         if limit.quantity == quantity:
-            bound = tuple(np.array(one) for one in limit.bounds(model))
             if isinstance(limit, TorqueBySpeed):
+                bound = [one.copy() for one in bound]
                 limit.narrow(v, *bound)
-            bounds.append((inf if lifted else sign * float(bound[side][joint]), limit.name))
+            bounds.append((inf if lifted else sign * bound[side].item(joint), limit.name))
     if quantity == "torque":
         # What a weak motor gives at the ends of its range.
         widest = min((bound for bound, _ in bounds), default=inf)
@@ -51,5 +48,5 @@ def owner(
     for name, overrides in said:
         given = getattr(overrides, quantity, None)
         if given is not None:
-            bounds.append((sign * float(checks.each(name, given[side], model.nj, finite=False)[joint]), name))
+            bounds.append((sign * float(np.broadcast_to(given[side], v.shape)[joint]), name))
     return min(bounds, key=lambda one: one[0], default=(inf, ""))[1]
