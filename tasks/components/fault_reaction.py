@@ -19,7 +19,7 @@ from wbc.types import Vec
 from .diagnosis import ACTUATOR, KINDS, Diagnoser, Diagnosis
 from .draft import Draft
 from .momentum_observer import MomentumObserver
-from .reactions import Cap, Derate, Reaction, Release
+from .reactions import Cap, Carry, Derate, Reaction, Release
 
 if TYPE_CHECKING:
     from wbc.stack.plan_view import PlanView
@@ -99,7 +99,8 @@ class FaultReaction(Component):
 
     Raises:
         InvalidInput: a table or number that makes no sense; when a controller is made, an observer that is not in the
-            stack before this. NotSupported, UnknownName: then too, a reaction the stack does not allow.
+            stack before this, or :attr:`limits` in a stack without this. NotSupported, UnknownName: then too, a
+            reaction the stack does not allow.
 
     Example:
         >>> import wbc
@@ -125,6 +126,8 @@ class FaultReaction(Component):
         for i, line in enumerate(table):
             if not isinstance(line, When):
                 raise InvalidInput(f"{self.name}.table[{i}] is {line!r}; it must be When(kind, reactions)")
+            if any(isinstance(one, Carry) and one.observer is not observer for one in line.reactions):
+                raise InvalidInput(f"{self.name}.table[{i}]: Carry needs {self.name}'s own observer")
         self.observer, self.table = observer, tuple(table)
         self.noise, self.hands = noise, tuple(checks.items(f"{self.name}.hands", hands, "frames"))
         self._times = {
@@ -139,6 +142,7 @@ class FaultReaction(Component):
         }
         #: The task that brings released joints back within their limits.
         self.limits = _ReleasedLimits(name=f"{self.name} limits")
+        self.limits.set_by = self
         self._standing: list[_Standing] = []
         self._fixed: Overrides | None = None
         self.events: list[tuple[Diagnosis, tuple[Reaction, ...]]] = []

@@ -73,7 +73,8 @@ class SlotineLi(Component):
     Source: J.-J. E. Slotine, W. Li, Int. J. Robotics Research 1987; Wensing, Kim, Slotine, IEEE RA-L 2018.
 
     Raises:
-        InvalidInput: sizes or signs, when a stack is compiled.
+        InvalidInput: when a stack is compiled: sizes or signs; its task without it among the components, or it without
+            its task among the tasks.
         NotSupported: then too, a model without a regressor, or with ``physical`` one that has no linear description
             of the possible coefficients.
 
@@ -97,7 +98,8 @@ class SlotineLi(Component):
         weight: float = 1e6, name: str | None = None,
     ) -> None:  # fmt: skip
         super().__init__(name=name)
-        self.target, self.physical, self.frame = target, physical, frame
+        self.target, self.frame = target, frame
+        self.physical = checks.truth(f"{self.name}.physical", physical)
         self._given = {"kp": kp, "kd": kd, "gain": gain, "a_hat": a_hat, "truth": truth}
         numbers = {
             "friction_gain": friction_gain, "composite": composite, "leakage": leakage, "dead_zone": dead_zone,
@@ -113,6 +115,7 @@ class SlotineLi(Component):
         self.frozen = False
         #: The task that asks for τ_SL, which is its target in each tick.
         self.torque = Torque(0.0, weight=weight, name=f"{self.name} torque")
+        self.torque.set_by = self
 
     def prepare(self, model: RobotModel) -> None:
         number, n = self._numbers, model.nj

@@ -14,6 +14,7 @@ import wbc
 from tasks import (
     Brake,
     Cap,
+    Carry,
     Compensate,
     Comply,
     Damping,
@@ -346,7 +347,7 @@ def test_what_makes_no_sense_is_refused() -> None:
     with pytest.raises(InvalidInput, match="needs its observer in the stack's components, before it"):
         first_tick(reaction, components=[reaction, observer])
     for noise, said in (
-        (-1.0, r"noise\[0\] is -1"),
+        (-1.0, "noise is -1"),
         ("none", "noise must be .* 'none'"),
         ([1.0, 2.0], "noise must have"),
     ):
@@ -360,3 +361,12 @@ def test_what_makes_no_sense_is_refused() -> None:
     with pytest.raises(NotSupported, match="Stop holds the joints by a task on them"):
         first_tick(FaultReaction(observer, table=[When("total", [Stop()])]), Position("tool", target=[0.4, 0.2, 0.5]),
                    Damping(name="damping"))  # fmt: skip
+
+
+def test_what_belongs_to_it_is_refused_without_it():
+    observer = MomentumObserver(gain=100.0)
+    stack = wbc.Stack([Posture(ARM.q0), FaultReaction(observer).limits], components=[observer])
+    with pytest.raises(InvalidInput, match="FaultReaction limits needs its FaultReaction in the stack's components"):
+        wbc.Controller(ARM, stack, level=wbc.InverseDynamics())
+    with pytest.raises(InvalidInput, match=r"table\[0\]: Carry needs FaultReaction's own observer"):
+        FaultReaction(observer, table=[When("payload", [Carry(MomentumObserver(gain=1.0))])])

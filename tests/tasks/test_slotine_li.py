@@ -212,3 +212,14 @@ def test_a_model_without_a_regressor_is_refused():
     adaptive = SlotineLi([0.0, 0.0], kp=10.0, kd=10.0, gain=1.0, physical=True)
     with pytest.raises(NotSupported, match="possible coefficients of planar_pr"):
         wbc.InverseDynamics().compile(robot, wbc.Stack([adaptive.torque], components=[adaptive]), dt=DT)
+
+
+@pytest.mark.parametrize("exactly", [False, True])
+def test_its_task_without_it_is_refused(exactly: bool):
+    """Nothing would set the target: the torque would be zero, and the tick solved."""
+    adaptive, namesake = (SlotineLi(ALL, kp=10.0, kd=10.0, gain=1.0) for _ in range(2))
+    asked = {"tasks": [], "subject_to": [adaptive.torque.exactly()]} if exactly else {"tasks": [adaptive.torque]}
+    for components in ([], [namesake]):
+        stack = wbc.Stack(**asked, components=components)
+        with pytest.raises(InvalidInput, match="SlotineLi torque needs its SlotineLi in the stack's components"):
+            wbc.Controller(MODEL, stack, level=wbc.InverseDynamics())

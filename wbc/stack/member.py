@@ -135,6 +135,8 @@ class Member(metaclass=_Built):
     #: Settings that are read when the member is made or compiled, and never again: they cannot be assigned. Those of
     #: the classes above belong to it.
     read_once: ClassVar[frozenset[str]] = frozenset({"frame", "subject"})
+    #: The component that changes the member in each tick: a stack with the member must have it, too.
+    set_by: object = None
     #: What makes a setting of what is given, in the constructor and where it is assigned: a function of the setting's
     #: full name and the value, such as :func:`wbc.checks.number`.
     checked: ClassVar[Mapping[str, Callable[[str, Any], Any]]] = {}
@@ -308,6 +310,20 @@ class Binding:
         """Every copy has been prepared: from now on only :meth:`refresh` and :meth:`override` change them."""
         for tie in self._ties.values():
             tie.own.__dict__["_role"] = _Role.CLOSED
+
+    def refuse_missing(self, components: Iterable[object]) -> None:
+        """Refuse a member that a component changes in each tick, beside ``components`` without this one.
+
+        Raises:
+            InvalidInput: by the member's name.
+        """
+        there = set(map(id, components))
+        for tie in self._ties.values():
+            if tie.own.set_by is not None and id(tie.own.set_by) not in there:
+                raise InvalidInput(
+                    f"{tie.own.name} needs its {type(tie.own.set_by).__name__} in the stack's components, which sets "
+                    "it in each tick"
+                )
 
     def refresh(self) -> None:
         """Assign to the copies what was assigned to their members since."""

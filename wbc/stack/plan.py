@@ -108,6 +108,8 @@ class Plan(Filled):
         #: Whether motors can bring the joints to rest before their limits; None where nothing depends on it.
         self.stopping = Stopping.of(self)
         self._first_fill(state, like)
+        if like is None:
+            self.binding.refuse_missing(stack.components)
         for component in () if like else stack.components:
             component.check(self)
 
