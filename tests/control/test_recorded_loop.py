@@ -9,7 +9,7 @@ import pytest
 
 import wbc
 from wbc.control.recorder import UnknownColumn
-from wbc.errors import InvalidInput
+from wbc.errors import InvalidInput, WbcError
 from wbc.sim.plant import IntegratorPlant
 from wbc.sim.simulate import simulate
 from wbc.tasks import (
@@ -73,6 +73,58 @@ def test_columns_and_metadata_of_ones_own_stand_beside_the_others():
     run = recorder.run({"robot": "mine", "operator": "me"})
     assert run["force"].tolist() == [[1.0, 2.0, 3.0]] and run["battery"].tolist() == [48.0]
     assert run.meta["robot"] == "mine" and run.meta["operator"] == "me" and run.meta["dt"] == DT
+
+
+@pytest.mark.parametrize(
+    ("first", "later", "said"),
+    [
+        ({"tau": [1.0]}, {}, "column 'tau' is one that a recorder writes"),
+        ({"status": 7, "active": [1.0]}, {}, "column 'status' is one that a recorder writes"),
+        ({"cost.mine": 1.0}, {}, "column 'cost.mine' is one that a recorder writes"),
+        ({"plant.q": [1.0]}, {}, r"column 'plant.q' has shape \(1,\); it must have \(7,\)"),
+        ({"map": np.zeros((2, 2))}, {}, r"column 'map' has shape \(2, 2\)"),
+        ({"battery": "full"}, {}, "column 'battery' must hold numbers, not 'full'"),
+        ({"battery": [[1.0, 2.0], [3.0]]}, {}, "column 'battery' must hold numbers"),
+        ({"battery": 1.0}, {"battery": [1.0]}, r"column 'battery' has shape \(\), fixed by the first row"),
+        ({"battery": 1.0}, {"batery": 1.0}, "did you mean 'battery'"),
+    ],
+)
+def test_columns_that_cannot_be_recorded_are_refused_before_the_controller_decides(first: Any, later: Any, said: str):
+    driver = controller("arm")
+    recorder, q = wbc.Recorder(2), driver.model.q0
+    if later:
+        recorder.tick(driver, 0.0, q, 0 * q, **first)
+    before = driver.ticks
+    with pytest.raises(WbcError, match=said):
+        recorder.tick(driver, DT, q, 0 * q, **(later or first))
+    assert driver.ticks == before
+
+
+def test_a_column_of_ones_own_that_a_tick_leaves_out_has_a_gap_there_and_keeps_its_fractions():
+    driver = controller("arm")
+    recorder, q = wbc.Recorder(4), driver.model.q0
+    for k, more in enumerate(({"battery": 48, "grip": 1}, {"battery": 47.5}, {}, {"battery": np.nan, "grip": 0})):
+        recorder.tick(driver, DT * k, q, 0 * q, **more)  # type: ignore[arg-type]
+    run = recorder.run()
+    np.testing.assert_array_equal(run["battery"], [48.0, 47.5, np.nan, np.nan])
+    assert run["grip"].tolist() == [1, -1, -1, 0] and run["grip"].dtype == np.int64
+
+
+def test_metadata_of_ones_own_do_not_replace_what_the_columns_are_read_with():
+    driver = controller("arm")
+    recorder, q = wbc.Recorder(2), driver.model.q0
+    recorder.tick(driver, 0.0, q, 0 * q)
+    plant = IntegratorPlant(driver.model, dt=DT)
+    for meta, said in (
+        ({"dt": 5.0}, r"meta\['dt'\] is known of the run"),
+        ({"parameters": 5}, "parameters is 5; it must be an object"),
+    ):
+        with pytest.raises(InvalidInput, match=said):
+            recorder.run(meta)
+        with pytest.raises(InvalidInput, match=said):
+            simulate(driver, plant, duration=DT, meta=meta)
+    with pytest.raises(InvalidInput, match="is known of the run"):
+        simulate(driver, plant, duration=DT, meta={"ended": "complete"})
 
 
 def test_a_recorder_belongs_to_one_controller():

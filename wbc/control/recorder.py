@@ -15,14 +15,13 @@ from math import isnan
 from operator import itemgetter
 from pathlib import Path
 from time import perf_counter_ns
-from types import MappingProxyType
 from typing import IO, TYPE_CHECKING, Any, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wbc import checks
-from wbc.control.metadata import check_metadata
+from wbc.control.metadata import check_metadata, plain, with_more
 from wbc.control.packing import packed, packs, unpacked
 from wbc.control.table import table
 from wbc.errors import InvalidInput, NotSupported, UnknownName
@@ -135,7 +134,7 @@ class Run(Mapping[str, Column]):
         if HOW in self.columns:
             raise InvalidInput(f"no column may be called {HOW!r}: a saved run says there how it is stored")
         arrays = _stored(self.columns)
-        text = json.dumps(_plain("meta", self.meta), indent=1, ensure_ascii=False).encode()
+        text = json.dumps(plain("meta", self.meta), indent=1, ensure_ascii=False).encode()
         target = made_folder(folder)
         with written(target / META_FILE) as meta, written(target / ARRAYS_FILE) as packed_file:
             with packed_file.open("xb") as file:
@@ -232,9 +231,10 @@ class Run(Mapping[str, Column]):
 class Recorder:
     """Columns in memory set aside for ``capacity`` rows; the first row decides their names and shapes.
 
-    A value is a number or an array (k,). A column that a later row leaves out is NaN there (-1 for integers). More
-    rows than ``capacity`` are kept too, in further memory of that size; ``grown`` counts how often. Memory is set aside
-    without being written, and no row is ever moved, so that a loop in real time has no long tick for it.
+    A value is a number or an array (k,). A column that a later row leaves out is NaN there (-1 for integers). A column
+    is of integers if that of the first row is one and all others are whole. More rows than ``capacity`` are kept too,
+    in further memory of that size; ``grown`` counts how often. Memory is set aside without being written, and no row is
+    ever moved, so that a loop in real time has no long tick for it.
 
     In a loop of your own call :meth:`tick` instead of the controller's: it times the tick and records it.
     :func:`wbc.report.save_report` makes a report of the run.
@@ -278,11 +278,17 @@ class Recorder:
         """Call ``controller.tick(t, q, v)``, time it, record its arguments and its command, and return the command.
 
         The first tick fixes the controller and, by its stack, the columns. If another stack replaces this one, only
-        columns of these names and sizes are recorded. ``more`` are columns of your own.
+        columns of these names and sizes are recorded.
+
+        ``more`` are columns of your own: numbers or arrays (k,), NaN where there is none. The first tick fixes their
+        names and sizes; a later one may leave some out. No name may be one that the recorder writes at some level
+        (:data:`wbc.control.ticks.COLUMNS`). What a plant knows may be added for reports: ``plant.q`` (nq,), ``plant.v``
+        (nv,), ``plant.tau`` (nj,).
 
         Raises:
-            InvalidInput: another controller than before, or q or v of another shape.
-            UnknownColumn: one of ``more`` that the first tick did not have.
+            InvalidInput: another controller than before, or q or v of another shape; before the controller decides, one
+                of ``more`` with a name of the recorder's, or of another size.
+            UnknownColumn: before the controller decides, one of ``more`` that the first tick did not have.
 
         Example:
             >>> import numpy as np, wbc
@@ -307,6 +313,9 @@ class Recorder:
             self._ticks = Ticks(decides)
         if self._ticks.controller is not decides:
             raise InvalidInput("a recorder takes the ticks of one controller; make another recorder for this one")
+        self._ticks.refuse(more)
+        for name in more if self.rows else ():
+            self._checked(name, more[name])
         start = perf_counter_ns()
         command = controller.tick(t, q, v)
         microseconds = (perf_counter_ns() - start) / 1000.0
@@ -345,7 +354,11 @@ class Recorder:
     def run(self, meta: Mapping[str, Any] | None = None) -> Run:
         """The rows so far as a :class:`Run`; the recorder may go on.
 
-        ``meta`` is added to the metadata of the controller, and overrides it.
+        ``meta`` is added to the metadata of the controller. Of these it may replace the robot's name alone: the others
+        say how the columns are to be read.
+
+        Raises:
+            InvalidInput: metadata that the controller's ticks say, or of another kind than reports read, by name.
         """
         meta = {} if meta is None else checks.instance("meta", meta, Mapping, "a mapping of names")
         n = self.rows
@@ -357,17 +370,14 @@ class Recorder:
                 columns[name] = np.concatenate([vectors[:, where] for _, vectors in parts])
                 continue
             values = np.concatenate([numbers[:, where.start] for numbers, _ in parts])
-            if name in self._integers:
-                columns[name] = np.where(np.isnan(values), MISSING_INTEGER, values).astype(np.int64)
-            else:
-                columns[name] = values
+            columns[name] = _whole(values) if name in self._integers else values
         if self._ticks is None:
-            return Run(columns, meta)
+            return Run(columns, with_more({}, meta))
         from wbc.control.ticks import about
 
         ticks = self._ticks
         known = about(ticks.controller) | ticks.found() | {"duration": n * ticks.controller.dt}
-        run = Run(columns, known | dict(meta))
+        run = Run(columns, with_more(known, meta))
         run.failed = ticks.failed
         return run
 
@@ -419,6 +429,14 @@ class Recorder:
     def grown(self) -> int:
         """The number of times that memory for ``capacity`` more rows was added."""
         return len(self._full)
+
+
+def _whole(values: Vec) -> Column:
+    """``values`` as integers, where they are whole."""
+    missing = np.isnan(values)
+    if not (missing | (np.abs(values) < 2.0**63) & (np.rint(values) == values)).all():
+        return values
+    return np.where(missing, MISSING_INTEGER, values).astype(np.int64)
 
 
 def _nothing(row: Row) -> tuple[Any, ...]:
@@ -477,16 +495,3 @@ def _write_arrays(file: IO[bytes], arrays: Mapping[str, Column]) -> None:
         for name, values in arrays.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
                 np.lib.format.write_array(entry, values, allow_pickle=False)
-
-
-def _plain(where: str, value: Any) -> Any:
-    """``value`` in json's own types."""
-    if isinstance(value, Mapping | MappingProxyType):
-        return {str(key): _plain(f"{where}[{key!r}]", item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(f"{where}[{k}]", item) for k, item in enumerate(value)]
-    if isinstance(value, np.ndarray | np.generic):
-        return _plain(where, value.tolist())
-    if value is None or isinstance(value, str | bool | int | float):
-        return value
-    raise InvalidInput(f"{where} is a {type(value).__name__}; metadata is numbers, text, lists and mappings")

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
+from wbc import checks
 from wbc.control.answer import active, distances, shares, units
 from wbc.control.command import Command
 from wbc.control.explain import reproducer
@@ -23,6 +25,11 @@ if TYPE_CHECKING:
 
 #: The number of active rows that are recorded in a tick, those with the largest multipliers; ``active`` counts all.
 RECORDED_ROWS = 16
+#: Columns, and beginnings of columns, that a recorder writes at some level.
+COLUMNS = (
+    "t", "status", "tick_us", "q", "v", "v_cmd", "a", "tau", "certificate", "iterations", "active", "active.", "f.",
+    "error.", "residual.", "cost.", "distance.", "margin.", "about.", "signal.",
+)  # fmt: skip
 _CODES = {status: i for i, status in enumerate(Status)}
 
 
@@ -80,6 +87,26 @@ class Ticks:
             if barrier.codes is not None:
                 row[f"about.{name}"] = barrier.codes.copy()
         return row | self._signals()
+
+    def refuse(self, more: Mapping[str, Any]) -> None:
+        """Refuse columns of a user that cannot stand in a row beside these.
+
+        Raises:
+            InvalidInput: the name of another column; not a number or (k,); what a plant knows, in another size.
+        """
+        model = self.controller.model
+        sizes = {"plant.q": model.nq, "plant.v": model.nv, "plant.a": model.nv, "plant.tau": model.nj}
+        for name, value in more.items():
+            if name in COLUMNS or name.startswith(tuple(one for one in COLUMNS if one[-1] == ".")):
+                raise InvalidInput(f"column {name!r} is one that a recorder writes; give yours another name")
+            try:
+                shape = checks.floats(value).shape
+            except Exception as cause:  # a conversion may raise whatever it likes
+                raise InvalidInput(f"column {name!r} must hold numbers, not {checks.shown(value)}") from cause
+            size = sizes.get(name)
+            if len(shape) > 1 or (size is not None and shape != (size,)):
+                allowed = "a value is a number or (k,)" if size is None else f"it must have ({size},)"
+                raise InvalidInput(f"column {name!r} has shape {shape}; {allowed}")
 
     def _signals(self) -> dict[str, Vec]:
         """What components say of themselves; nothing of one that fails, since what was decided goes to the robot."""

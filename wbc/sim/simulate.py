@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 from wbc import checks
 from wbc.control.command import Command
 from wbc.control.controller import Controller
+from wbc.control.metadata import with_more
 from wbc.control.recorder import Recorder, Run
 from wbc.control.setpoint import Setpoint
 from wbc.control.ticks import Ticks, about, outcome
@@ -49,7 +50,7 @@ def simulate(
     "measured" or "commanded"). Ticks are timed one by one with one BLAS thread. ``before_tick(t)`` runs first in each
     tick and may assign targets and weights. ``progress(done)`` is called with a number in [0, 1], a hundred times. With
     ``recorder`` False only ``t``, ``status`` and ``tick_us`` are kept. ``meta`` is added to the metadata that the loop
-    knows, and wins.
+    knows, of which it may replace the robot's name alone.
 
     Of the first tick without an answer, ``run.meta["failure"]`` says when and why and ``run.failed`` is the QP.
 
@@ -100,6 +101,8 @@ def simulate(
     # What becomes of a command at the motors becomes of the one that arrived, whichever of the two was listed first.
     effects = [one.begin(plant) for one in sorted(disturbances, key=lambda one: not isinstance(one, Delay))]
     watched = Ticks(controller)
+    told = {**about(controller), **_about(plant, disturbances, duration), **watched.found(), "silent": {}}
+    with_more({**told, "feedback": "", "ended": "", "fallen": False}, meta)  # refused before the run, not after it
     columns = _Columns(watched, plant) if recorder else _FewColumns()
     record = Recorder(ticks)
     every = max(1, ticks // 100)
