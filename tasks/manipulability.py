@@ -32,7 +32,7 @@ class ManipulabilityTask(Tracking, Task):
     (value, rate, acceleration), (1,) each.
 
     Raises:
-        InvalidInput: a row that does not exist, a target that is no number, more rows than joints.
+        InvalidInput: a row that does not exist, a target that is no number >= 0, more rows than joints.
         UnknownFrame: when a stack is compiled.
 
     Example:
@@ -58,8 +58,11 @@ class ManipulabilityTask(Tracking, Task):
 
     @staticmethod
     def convert(name: str, value: Any, strict: bool) -> Vec:
-        """A number or (1,)."""
-        return _number(name, [value] if checks.ndim(value) == 0 else value, strict)
+        """A number or (1,), not negative."""
+        target = _number(name, [value] if checks.ndim(value) == 0 else value, strict)
+        if strict:
+            checks.number(name, target[0], low=0.0)
+        return target
 
     def prepare(self, model: RobotModel) -> None:
         self._criterion.prepare(model)

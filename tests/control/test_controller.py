@@ -12,7 +12,7 @@ import wbc
 from tasks import CenterOfMass, JointPositionLimits, JointVelocityLimits, Position, Posture, TorqueLimits
 from tests.stack.conftest import moving, standing
 from wbc.control.answer import distances
-from wbc.errors import InvalidInput, NotSupported, UnknownSolver, WbcError
+from wbc.errors import InvalidInput, NotSupported, UnknownContact, UnknownSolver, WbcError
 from wbc.qp.problem import QP, Shape
 from wbc.qp.solver import Answer, Session, Solver
 from wbc.types import Status
@@ -50,8 +50,9 @@ def test_forces_are_read_by_contact_or_by_frame(humanoid: Any) -> None:
     )
     assert command.f["left_sole"] is command.f["Sole[left_sole]"]
     assert sum(f[2] for f in command.f.values()) == pytest.approx(9.81 * humanoid.mass, rel=0.02)
-    with pytest.raises(KeyError, match="left_sole"):
-        command.f["left_solo"]
+    for kind in (KeyError, UnknownContact):
+        with pytest.raises(kind, match=r"there is no contact 'left_solo'; did you mean 'left_sole'"):
+            command.f["left_solo"]
 
 
 def test_a_command_outlives_the_next_ticks_but_its_solution_does_not(arm: Any) -> None:
@@ -341,6 +342,19 @@ def test_explain_names_tasks_rows_and_multipliers_in_units(humanoid: Any) -> Non
     assert sum(shares) == pytest.approx(100.0, abs=0.3)
     active = command.solution
     assert (np.abs(active.z) > 1e-6).sum() <= text.count("multiplier")
+
+
+def test_a_problem_that_there_is_not_is_not_saved(arm: Any, tmp_path: Any) -> None:
+    control, file = reaching(arm), tmp_path / "problem.npz"
+    with pytest.raises(InvalidInput, match="there is no problem that could be saved: there is no tick yet"):
+        control.explain(save=file)
+    control.tick(0.0, np.full(7, np.nan), np.zeros(7))
+    with pytest.raises(InvalidInput, match=r"no problem .*: the state of the last tick is invalid: q\[0\] is nan"):
+        control.explain(save=file)
+    assert not file.exists() and "q[0] is nan" in control.explain()
+    control.tick(0.0, arm.q0, np.zeros(7))
+    control.explain(save=file)
+    assert file.exists()
 
 
 def test_a_task_that_is_done_in_part_is_as_near_as_its_direction_and_its_share_are_proved_to_be(arm: Any) -> None:

@@ -65,6 +65,10 @@ def test_a_point_out_of_reach_is_told_by_task_axis_and_distance() -> None:
 def test_any_task_with_an_error_is_met_or_told_by_name(kind: Any) -> None:
     start = ARM.q0 + 0.1
     for task in kind.samples(ARM):
+        if not bound(task, ARM).gains()[0].any():
+            with pytest.raises(InvalidInput, match="has kp = 0, so it has no error that could be met"):
+                wbc.reach(ARM, [task])
+            continue
         found = wbc.reach(ARM, [task], start=start, attempts=1, steps=3)
         assert found.ok == (not found.reason) and found.reason.startswith("" if found.ok else f"{task.name} stays ")
         asked = bound(task, ARM).weights() > 0.0
@@ -192,6 +196,11 @@ def test_arguments_that_make_no_sense_are_refused_by_name() -> None:
         start[3:7] *= norm
         with pytest.raises(InvalidInput, match=rf"start: the base's quaternion q\[3:7\] has norm {norm:g}"):
             wbc.reach(robot, [Position("left_hand", target=[0.3, 0.3, 1.0])], start=start)
+    for nothing in ([], [[]], [[], [task]]):
+        with pytest.raises(InvalidInput, match="tasks has no task in its first level"):
+            wbc.reach(ARM, nothing)
+    with pytest.raises(InvalidInput, match="Damping has kp = 0, so it has no error that could be met"):
+        wbc.reach(ARM, [task, Damping()])
     with pytest.raises(NotSupported, match="TorqueLimits"):
         wbc.reach(ARM, [task], subject_to=[TorqueLimits()])
     assert wbc.reach(ARM, [[task], [Damping()]]).ok

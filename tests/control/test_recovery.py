@@ -278,7 +278,8 @@ def test_the_budget_ends_the_search_for_other_answers():
 
 
 def test_a_recovery_that_makes_no_sense_is_refused():
-    for settings in ({"hold_ticks": -1}, {"relax": ("torques",)}, {"relax": "constraints"}, {"resume_after": 0},
+    for settings in ({"hold_ticks": -1}, {"relax": ("torques",)}, {"relax": "constraints"},
+                     {"relax": ("constraints", "constraints")}, {"relax": ([1],)}, {"resume_after": 0},
                      {"budget": -1.0}, {"hold_ticks": np.nan}):  # fmt: skip
         with pytest.raises(InvalidInput, match=next(iter(settings))):
             wbc.Recovery(**settings)

@@ -162,6 +162,8 @@ def test_an_arm_bends_to_the_manipulability_it_is_asked_for():
         (lambda: FrozenJoints(["a"], kp=10.0), InvalidInput, "no positions to hold"),
         (lambda: FrozenJoints({"a": np.nan}), InvalidInput, "'a'"),
         (lambda: ManipulabilityTask(TOOL, target=0.1, rows=["q"]), InvalidInput, r"rows\[0\] is 'q'"),
+        (lambda: ManipulabilityTask(TOOL, target=-1.0), InvalidInput, r"target is -1; it must be >= 0"),
+        (lambda: ManipulabilityTask(TOOL, target=lambda t: -1.0), InvalidInput, r"target is -1; it must be >= 0"),
         (lambda: ManipulabilityTask(TOOL, target=0.1, smoothing=0.0), InvalidInput, "smoothing is 0"),
         (lambda: Torque(joints=[]), InvalidInput, "it must be names"),
         (lambda: Torque(joints=["a"], weight="inverse_inertia"), InvalidInput, "of all joints"),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol, final
 
 import numpy as np
 
-from wbc.errors import WbcError
+from wbc.errors import UnknownContact, WbcError
 from wbc.qp.certificate import Certificate
 from wbc.types import Status, Vec
 
@@ -23,6 +23,12 @@ Proof = Certificate | Callable[[], Certificate]
 _WITHOUT_LEVELS = frozenset(("relaxed", "closed form", "hold", "damped"))
 
 
+class UnknownForce(UnknownContact, KeyError):
+    """No such contact among those whose force a command has."""
+
+    __str__ = Exception.__str__  # KeyError would put the sentence in quotes
+
+
 @final
 class Forces(dict[str, Vec]):
     """Contact wrenches by the contact's name or by its frame, force before moment, axes of the surface (z normal)."""
@@ -34,7 +40,7 @@ class Forces(dict[str, Vec]):
     def __missing__(self, key: str) -> Vec:
         if key in self._frames:
             return self[self._frames[key]]
-        raise KeyError(f"no contact {key!r}; there are {', '.join(self)}")
+        raise UnknownForce(key, [*self, *self._frames])
 
     def __contains__(self, key: object) -> bool:
         return super().__contains__(key) or key in self._frames

@@ -357,8 +357,11 @@ class Controller(Solving):
         file for the QP of that tick; ``wbc explain FILE`` says the same of it.
 
         Raises:
-            InvalidInput: the file cannot be written.
+            InvalidInput: the file cannot be written, or there is no QP: no tick yet, or a tick in an invalid state.
         """
-        if save is not None and self.ticks:
+        if save is not None:
+            if self.ticks == 0 or self.status is Status.INVALID_STATE:
+                why = f"the state of the last tick is invalid: {self.why}" if self.ticks else "there is no tick yet"
+                raise InvalidInput(f"there is no problem that could be saved: {why}")
             reproducer(self).save(save)
         return explain(self)

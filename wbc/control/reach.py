@@ -88,7 +88,8 @@ def reach(
         tolerance: largest error of a task, also of one that is a constraint (``exactly``) [its unit].
 
     Raises:
-        InvalidInput: an argument that makes no sense; a task that has no error, such as a regularisation.
+        InvalidInput: an argument that makes no sense; a first level without a task, or with one that has no error, such
+            as a regularisation or a velocity (kp = 0).
         NotSupported: a member that velocities cannot carry, such as limits on torques.
 
     Example:
@@ -105,10 +106,13 @@ def reach(
     steps = int(checks.number("steps", steps, low=1))
     tolerance = checks.number("tolerance", tolerance, low=0.0, strict=True)
     levels = Stack(tasks).levels
-    for task in levels[0]:
-        if not isinstance(task, Task):
-            raise InvalidInput(f"{task.name} has no error that could be met; put it in a lower level")
     robot = checks.instance("robot", robot, RobotModel, "a robot from wbc.load(...)")
+    if not levels or not levels[0]:
+        raise InvalidInput("tasks has no task in its first level; there must be one to be met")
+    for task in levels[0]:
+        if not isinstance(task, Task) or not bound(task, robot).gains()[0].any():
+            about = f"{task.name} has kp = 0, so it" if isinstance(task, Task) else task.name
+            raise InvalidInput(f"{about} has no error that could be met; put it in a lower level")
     seed = checks.seed("seed", seed)
     limits: list[Any] = [_Limits("position limits", "position", robot.limits.q_min, robot.limits.q_max)]
     if subject_to is not None:

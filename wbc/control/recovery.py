@@ -78,7 +78,7 @@ class Recovery:
         budget: time [s] of a tick after which no further solver is tried; None for no limit.
 
     Raises:
-        InvalidInput: a number out of range, or something else in ``relax``.
+        InvalidInput: a number out of range, or something else in ``relax``, or the same twice.
     """
 
     hold_ticks: int = 10
@@ -91,8 +91,10 @@ class Recovery:
         checks.number("resume_after", self.resume_after, low=1)
         if self.budget is not None:
             checks.number("budget", self.budget, low=0.0)
-        if not isinstance(self.relax, tuple | list) or not set(self.relax) <= set(RELAXABLE):
+        if not isinstance(self.relax, tuple | list):
             raise InvalidInput(f"relax is {self.relax!r}; it must be a tuple of {', '.join(map(repr, RELAXABLE))}")
+        if self.relax:
+            checks.names("relax", self.relax, RELAXABLE)
 
 
 class Event(NamedTuple):
