@@ -7,7 +7,7 @@ from typing import Any, Self, final
 
 import numpy as np
 
-from wbc.errors import InvalidInput
+from wbc import checks
 from wbc.models import plausible
 from wbc.models.model import RobotModel
 from wbc.stack.joint_task import TorqueTask
@@ -60,9 +60,7 @@ class JointImpedance(Tracking, TorqueTask, KernelLinearTask):
         weight: Any = 1.0, name: str | None = None,
     ) -> None:  # fmt: skip
         super().__init__(joints=joints, weight=weight, name=name)
-        if not isinstance(coriolis, bool):
-            raise InvalidInput(f"{self.name}.coriolis is {coriolis!r}; it must be True or False")
-        self.coriolis = coriolis
+        self.coriolis = checks.truth(f"{self.name}.coriolis", coriolis)
         self.stiffness, self.damping, self.target = stiffness, damping, target
 
     @property

@@ -44,17 +44,18 @@ def array(
     shape: Sequence[int | None],
     *,
     finite: bool = True,
+    low: float = -LARGEST,
     error: type[InvalidInput] = InvalidInput,
 ) -> Vec:
     """A float64 copy of ``value`` with the given shape (``None``: any size).
 
     Raises:
-        InvalidInput: not real numbers, another shape, or (with ``finite``) NaN or inf.
+        InvalidInput: not real numbers, another shape, or (with ``finite``) NaN, inf or a number below ``low``.
     """
     wanted = tuple(shape)
     # A loop converts sound arrays in every period; what follows costs several times as much. NaN fails the comparison.
     is_numbers = type(value) is np.ndarray and value.dtype == np.float64 and value.shape == wanted
-    if is_numbers and abs(value).max(initial=0.0) <= LARGEST:
+    if is_numbers and abs(value).max(initial=0.0) <= LARGEST and (low == -LARGEST or value.min(initial=low) >= low):
         return value.copy()  # type: ignore[no-any-return]
     try:
         result = floats(value)
@@ -69,10 +70,11 @@ def array(
         index = where[0] if len(where) == 1 else where
         at = f"[{index}]" if where else ""
         raise error(f"{name}{at} is {result[where]}; it must be {'finite' if finite else 'a number'}")
-    if finite and error is InvalidInput and result.size and not -LARGEST <= result.min() <= result.max() <= LARGEST:
-        index = tuple(int(i) for i in np.argwhere(np.abs(result) > LARGEST)[0])
+    if finite and error is InvalidInput and result.size and not low <= result.min() <= result.max() <= LARGEST:
+        index = tuple(int(i) for i in np.argwhere((result < low) | (result > LARGEST))[0])
         at = f"[{index[0] if len(index) == 1 else index}]" if index else ""
-        raise error(f"{name}{at} is {result[index]:g}; it must be between -{LARGEST:g} and {LARGEST:g}")
+        allowed = f"between {low:g} and {LARGEST:g}" if abs(result[index]) > LARGEST else f">= {low:g}"
+        raise error(f"{name}{at} is {result[index]:g}; it must be {allowed}")
     return result
 
 
@@ -100,13 +102,13 @@ def number(
         raise error(f"{name} must be a number, not {shown(value)}") from cause
     if not np.isfinite(result):
         raise error(f"{name} is {result}; it must be finite")
-    if abs(result) > LARGEST:
-        raise error(f"{name} is {result:g}; it must be between -{LARGEST:g} and {LARGEST:g}")
-    if result < low or result > high or (strict and result <= low):
+    if result < low or result > high or (strict and result <= low) or abs(result) > LARGEST:
         sign = ">" if strict else ">="
-        allowed = (
-            f"{sign} {low:g}" if high == np.inf else f"between {low:g} and {high:g}" + f", {low:g} excluded" * strict
-        )
+        if high == np.inf and abs(result) <= LARGEST:
+            allowed = f"{sign} {low:g}"
+        else:
+            least, most = max(low, -LARGEST), min(high, LARGEST)
+            allowed = f"between {least:g} and {most:g}" + f", {low:g} excluded" * strict
         raise error(f"{name} is {result:g}; it must be {allowed}")
     return result
 
@@ -124,15 +126,26 @@ def typed(name: str, text: str, **limits: float) -> float:
     return number(name, value, **limits)  # type: ignore[arg-type]
 
 
-def each(name: str, value: Any, size: int, *, finite: bool = True) -> Vec:
+def each(name: str, value: Any, size: int, *, finite: bool = True, low: float = -LARGEST) -> Vec:
     """A number for each of ``size`` rows (size,), from one for all or (size,).
 
     Raises:
-        InvalidInput: not real numbers, another size, or (with ``finite``) NaN or inf.
+        InvalidInput: not real numbers, another size, or (with ``finite``) NaN, inf or a number below ``low``.
     """
     if ndim(value) == 0:
-        return np.full(size, array(name, value, (), finite=finite))
-    return array(name, value, (size,), finite=finite)
+        return np.full(size, array(name, value, (), finite=finite, low=low))
+    return array(name, value, (size,), finite=finite, low=low)
+
+
+def one_or_more(name: str, value: Any, *, finite: bool = True, low: float = -LARGEST) -> Vec:
+    """A number () or several (n,), whichever was given.
+
+    Raises:
+        InvalidInput: not real numbers, in a list of lists, or (with ``finite``) NaN, inf or a number below ``low``.
+    """
+    if ndim(value) > 1:
+        raise InvalidInput(f"{name} has shape {np.shape(value)}; it must be a number or (n,)")
+    return array(name, value, (None,) * ndim(value), finite=finite, low=low)
 
 
 def text(name: str, value: Any) -> str:
@@ -172,12 +185,11 @@ def truth(name: str, value: Any) -> bool:
     """``value`` as True or False.
 
     Raises:
-        InvalidInput: nobody can say which, as of an array of several numbers.
+        InvalidInput: neither; a text or a number is none, whatever Python takes it for.
     """
-    try:
-        return bool(value)
-    except Exception as cause:
-        raise InvalidInput(f"{name} is {shown(value)}; it must be True or False") from cause
+    if not isinstance(value, bool | np.bool_):
+        raise InvalidInput(f"{name} is {shown(value)}; it must be True or False")
+    return bool(value)
 
 
 def seed(name: str, value: Any) -> int:
@@ -289,11 +301,7 @@ def gains(name: str, value: Any, size: int) -> Vec:
     Raises:
         InvalidInput: wrong size, negative or not finite.
     """
-    result = each(name, value, size)
-    if (result < 0).any():
-        i = int(np.argmax(result < 0))
-        raise InvalidInput(f"{name}[{i}] is {result[i]:g}; it must be >= 0")
-    return result
+    return each(name, value, size, low=0.0)
 
 
 def limit(name: str, value: Any, size: int) -> Vec:

@@ -108,6 +108,10 @@ class UnknownAttribute(UnknownName, AttributeError):  # type: ignore[misc]  # bo
     kind = "attribute"
 
 
+class NotCompiled(WbcError, AttributeError):
+    """What follows from the robot, asked of a member that no plan has been made with."""
+
+
 class UnknownFrame(UnknownName):
     """No such frame in the model."""
 

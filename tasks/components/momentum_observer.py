@@ -249,7 +249,7 @@ class MomentumObserver(Component):
 
 
 def _positive(name: str, value: Any, *, finite: bool) -> Vec:
-    numbers = checks.array(name, value, (None,) * min(checks.ndim(value), 1), finite=finite)
+    numbers = checks.one_or_more(name, value, finite=finite)
     for i, number in np.ndenumerate(numbers):
         if not number > 0.0:
             raise InvalidInput(f"{name}{list(i) if i else ''} is {number:g}; it must be > 0")

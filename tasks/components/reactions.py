@@ -182,6 +182,7 @@ class Retarget(Reaction):
             draft.set(self.task, target=decided)
 
     def prepare(self, plan: PlanView) -> None:
+        checks.truth("Retarget.made", self.made)
         if not hasattr(task_of(plan, self.task), "target"):
             raise InvalidInput(f"{self.task} has no target that could be changed")
 

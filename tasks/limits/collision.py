@@ -70,7 +70,7 @@ class CollisionAvoidance(Barrier):
         self.reach = checks.number(f"{self.name}.reach", reach, low=0.0, strict=True)
         self.margin = margin
         self.obstacles = tuple(checks.items(f"{self.name}.obstacles", obstacles, "obstacles"))
-        self.pairs, self.self_collision = pairs, self_collision
+        self.pairs, self.self_collision = pairs, checks.truth(f"{self.name}.self_collision", self_collision)
         self.count = None if count is None else int(checks.number(f"{self.name}.count", count, low=1))
         self._distances: Distances | None = None
 

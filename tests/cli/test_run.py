@@ -88,7 +88,10 @@ SENTENCES = {
         ["run", "{file}:wave", "--set", "waves=1.5"],
         "parameter 'waves' is '1.5'; it must be a whole",
     ),
-    "not yes or no": (["run", "{file}:wave", "--set", "good=perhaps"], "it must be true or false"),
+    "not yes or no": (
+        ["run", "{file}:wave", "--set", "good=perhaps"],
+        "it must be one of true, yes, on, 1, false, no, off, 0",
+    ),
     "too few numbers": (["run", "{file}:wave", "--set", "axis=1,2"], "parameter 'axis' must have shape (3,), not (2,)"),
     "no time": (["run", "{file}:wave", "--duration", "0"], "duration is 0; it must be > 0"),
     "not a time": (["run", "{file}:wave", "--duration", "long"], "Invalid value for '--duration'"),

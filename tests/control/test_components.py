@@ -129,3 +129,9 @@ def test_a_bias_it_writes_is_carried_by_the_torques(arm: Any) -> None:
     loaded = controller(arm, Load()).tick(0.0, q, v)
     np.testing.assert_allclose(loaded.a, without.a, atol=1e-9)
     np.testing.assert_allclose(loaded.tau, without.tau + Load.force, atol=1e-8)
+
+
+def test_torques_at_a_level_without_them_are_refused_in_a_sentence(arm: Any) -> None:
+    control = wbc.Controller(arm, wbc.Stack([Posture(arm.q0)], components=[Dead()]), level=wbc.VelocityLevel())
+    control.tick(0.0, arm.q0, np.zeros(7))
+    assert control.why == "Dead overrides torques, which the velocity level does not decide"

@@ -9,10 +9,24 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import wbc
 from tasks import Posture
-from wbc.errors import InvalidInput
+from wbc.errors import InvalidInput, NotCompiled
 from wbc.stack.task import Task
 from wbc.testing import robots
+
+ARM = robots()[0]
+
+
+class Switch(wbc.Component):
+    """Overrides whether a task counts."""
+
+    def __init__(self, active: Any) -> None:
+        super().__init__()
+        self.active = active
+
+    def before(self, state: Any, last: Any, plan: Any) -> wbc.Overrides:
+        return wbc.Overrides(tasks={"Posture": {"active": self.active}})
 
 
 class Plain(Task):
@@ -51,6 +65,9 @@ def test_without_damping_there_is_no_rate_to_guess():
         ({"weight": -0.1}, "Plain.weight is -0.1"),
         ({"weight": [1.0, -0.1]}, r"Plain.weight\[1\] is -0.1; it must be >= 0"),
         ({"weight": "heavy"}, "Plain.weight must be a number"),
+        ({"weight": 1e300}, r"Plain.weight is 1e\+300; it must be between 0 and 1e\+15"),
+        ({"weight": [1.0, 1e300]}, r"Plain.weight\[1\] is 1e\+300; it must be between 0 and 1e\+15"),
+        ({"weight": {"a": 1e300}}, r"Plain.weight\['a'\] is 1e\+300; it must be between 0 and 1e\+15"),
     ],
 )
 def test_weights_and_gains_that_make_no_sense_are_refused(arguments: Any, said: str):
@@ -74,6 +91,28 @@ def test_weight_and_switch_may_be_assigned_and_leave_a_stamp():
     assert task.weights().tolist() == [1.0, 3.0] and task.stamp == stamp + 1
     task.active = False
     assert task.weights().tolist() == [0.0, 0.0] and task.stamp == stamp + 2
+
+
+@pytest.mark.parametrize("value", ["no", 0, 1.0, None, [True], np.ones(2, bool)])
+def test_a_switch_is_true_or_false_and_nothing_else(value: Any):
+    task = Posture(ARM.q0)
+    with pytest.raises(InvalidInput, match=r"Posture.active is .*; it must be True or False"):
+        task.active = value
+    controller = wbc.Controller(ARM, wbc.Stack([task], components=[Switch(value)]), level=wbc.VelocityLevel())
+    assert controller.tick(0.0, ARM.q0, 0 * ARM.q0).status is wbc.Status.FAILED
+    assert "Switch.tasks: InvalidInput: Posture.active is" in controller.why
+    task.active = np.False_
+    assert task.active is False
+
+
+def test_what_follows_from_the_robot_is_refused_before_there_is_one():
+    task = Posture(ARM.q0)
+    for ask in (task.gains, task.weights, lambda: task.unit(0), lambda: task.within(0.1).unit(0)):
+        with pytest.raises(NotCompiled, match=r"has no (dim|units) yet: its rows are known once a stack"):
+            ask()
+    assert not hasattr(task, "dim")
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        task.nothing  # noqa: B018
 
 
 def test_what_weights_gives_is_a_copy():

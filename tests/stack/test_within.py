@@ -108,3 +108,15 @@ def test_tolerances_count_on_both_sides():
 def test_intervals_that_hold_nothing_are_refused(bounds: Any, said: str):
     with pytest.raises(InvalidInput, match=said):
         Position(TOOL, target=[0.3, 0.0, 0.5]).within(*bounds).prepare(ARM)
+
+
+@pytest.mark.parametrize(
+    ("bounds", "which"),
+    [
+        (("abc",), "tolerance"), (([[1.0, 2.0], [3.0]],), "tolerance"), ((None,), "tolerance"), ((1j,), "tolerance"),
+        (("abc", 1.0), "lower"), ((0.0, [[1.0, 2.0], [3.0]]), "upper"),
+    ],
+)  # fmt: skip
+def test_bounds_that_are_no_numbers_are_refused_by_name(bounds: Any, which: str):
+    with pytest.raises(InvalidInput, match=rf"Position\[{TOOL}\] within.{which} must be an array of numbers, not"):
+        Position(TOOL, target=[0.3, 0.0, 0.5]).within(*bounds)

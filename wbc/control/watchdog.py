@@ -57,6 +57,7 @@ class Watchdog:
         checks.number("late", self.late, low=1.0, strict=True)
         if self.budget is not None:
             checks.number("budget", self.budget, low=0.0, strict=True)
+        checks.truth("refuse", self.refuse)
         if not callable(self.clock):
             raise InvalidInput(f"clock is {self.clock!r}; it must be a function that gives seconds")
 

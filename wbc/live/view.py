@@ -88,7 +88,7 @@ class View:
         self.controller, self.paused = controller, False
         #: What was done in the browser, in words, with the time [s].
         self.done: list[str] = []
-        self._push, self._pausing, self._speed = push, pausing, 1.0
+        self._push, self._pausing, self._speed = push, checks.truth("pausing", pausing), 1.0
         planned = controller.plans.whole.plan.stack.tasks
         self._knobs = Knobs(controller.stack.tasks, planned, controller.model)
         self._acting: dict[str, tuple[Vec, float]] = {}  # by frame: a force and until when

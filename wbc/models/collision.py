@@ -169,7 +169,7 @@ class Distances:
         self._geometry = pin.GeometryModel()
         self._owners: list[str] = []
         self._add_shapes(model.collisions)
-        self._allow(pairs, self_collision)
+        self._allow(pairs, checks.truth("self_collision", self_collision))
         self._kinematics = model.pinocchio.createData()
         touching = self._touching(margin) if pairs is None else []
         first = len(self._owners) - len(self._obstacles)

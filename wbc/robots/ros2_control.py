@@ -47,7 +47,7 @@ class Ros2Control(Device):
         self.motors = checks.names("joints", joints)
         self.law = "torque" if checks.one_of("interface", interface, INTERFACES) == "effort" else "position"  # type: ignore[misc]
         self.rate = checks.number("rate", rate, low=0.0, strict=True)
-        self.adds_gravity = adds_gravity  # type: ignore[misc]
+        self.adds_gravity = checks.truth("adds_gravity", adds_gravity)  # type: ignore[misc]
         gains = checks.pair("gains", gains, "stiffness, damping")
         self.gains = tuple(checks.gains("gains", gain, len(self.motors)) for gain in gains)  # type: ignore[assignment]
 

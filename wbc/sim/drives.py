@@ -51,13 +51,12 @@ class PositionDrives:
     feed_forward: bool = True
 
     def __post_init__(self) -> None:
+        checks.truth("feed_forward", self.feed_forward)
         for name in ("stiffness", "damping"):
             given = getattr(self, name)
             if given is None:
                 continue
-            values = checks.array(name, given, np.shape(given))
-            if values.ndim > 1 or (values < 0.0).any():
-                raise InvalidInput(f"{name} is {given!r}; it must be a number or one for each joint, none negative")
+            values = checks.one_or_more(name, given, low=0.0)
             values.setflags(write=False)
             object.__setattr__(self, name, values)
 

@@ -61,6 +61,7 @@ class PhysicsSettings:
         checks.number("impratio", self.impratio, low=0.0, strict=True)
         checks.number("armature", self.armature, low=0.0)
         whole("solver_iterations", self.solver_iterations)
+        checks.truth("joint_stops", self.joint_stops)
         if (checks.array("solref", self.solref, (2,)) <= 0).any():
             raise InvalidInput(f"solref is {self.solref}; both must be > 0: (time constant [s], damping ratio)")
         checks.array("solimp", self.solimp, (5,))

@@ -420,12 +420,15 @@ def _execute(path: Path) -> Any:
     return module
 
 
+_YES, _NO = ("true", "yes", "on", "1"), ("false", "no", "off", "0")
+
+
 def _read(key: str, text: str, default: Parameter) -> Parameter:
     """``text`` as the type of ``default``."""
     if isinstance(default, bool):
-        if text.lower() not in ("true", "yes", "on", "1", "false", "no", "off", "0"):
-            raise InvalidInput(f"parameter {key!r} is {text!r}; it must be true or false")
-        return text.lower() in ("true", "yes", "on", "1")
+        if text.lower() not in (*_YES, *_NO):
+            raise InvalidInput(f"parameter {key!r} is {text!r}; it must be one of {', '.join((*_YES, *_NO))}")
+        return text.lower() in _YES
     if isinstance(default, str):
         return text
     if isinstance(default, int):

@@ -122,7 +122,7 @@ class Applied:
         if not self._level.dynamics:
             for name, overrides in said:
                 if overrides.torque is not None or "torque" in overrides.lifted:
-                    raise NotSupported(f"{name}: torques, which the {self._level.name} does not decide")
+                    raise NotSupported(f"{name} overrides torques, which the {self._level.name} does not decide")
             return None
         low, high = _given(*self._own_torque, share, offset)
         if said:

@@ -19,7 +19,7 @@ from weakref import WeakSet
 import numpy as np
 
 from wbc import checks
-from wbc.errors import InvalidInput, MemberFailed, UnknownAttribute, UnknownName, WbcError
+from wbc.errors import InvalidInput, MemberFailed, NotCompiled, UnknownAttribute, UnknownName, WbcError
 from wbc.models.model import RobotModel
 from wbc.stack.target import Target
 
@@ -185,7 +185,16 @@ class Member(metaclass=_Built):
         What depends on the model is written here and nowhere else, so that one member serves plans of several robots.
         """
 
-    if not TYPE_CHECKING:  # else any attribute could be assigned
+    if not TYPE_CHECKING:  # else any attribute could be read and assigned
+
+        def __getattr__(self, name: str) -> Any:
+            """Only called for what is not there."""
+            if name in ("dim", "units"):
+                raise NotCompiled(
+                    f"{self.name} has no {name} yet: its rows are known once a stack with it is compiled; "
+                    "controller.plan.stack has the compiled members"
+                )
+            return object.__getattribute__(self, name)  # raises what it raised
 
         def __setattr__(self, name: str, value: Any) -> None:
             role = self._role

@@ -54,8 +54,7 @@ class Objective(Member):
         elif checks.ndim(value) == 0:
             return checks.number(name, value, low=0.0)
         else:
-            given = checks.array(name, value, (None,))
-            checks.gains(name, given, len(given))
+            given = checks.array(name, value, (None,), low=0.0)
             given.flags.writeable = False  # assign to change it: writing into it would go unseen
         if hasattr(self, "dim"):
             self._rows(what, given)
@@ -68,7 +67,7 @@ class Objective(Member):
 
     @active.setter
     def active(self, value: bool) -> None:
-        self._active = bool(value)
+        self._active = checks.truth(f"{self.name}.active", value)
 
     def weights(self) -> Vec:
         """The weight of each row (dim,), zero when inactive."""

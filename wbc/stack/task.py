@@ -164,8 +164,8 @@ class Within(Barrier):
     tolerance.
 
     Raises:
-        InvalidInput: when a stack is compiled: bounds of another size, an empty interval, no finite bound, or one on a
-            row with kp = 0, which is a velocity task and has no error.
+        InvalidInput: bounds that are not numbers; when a stack is compiled: bounds of another size, an empty interval,
+            no finite bound, or one on a row with kp = 0, which is a velocity task and has no error.
 
     Example:
         >>> import wbc
@@ -181,20 +181,20 @@ class Within(Barrier):
         super().__init__(rate=rate, slack=slack, name=name or f"{task.name} within")
         self.task = task
         if upper is None:
-            tolerance = np.asarray(lower, dtype=np.float64)
+            tolerance = checks.one_or_more(f"{self.name}.tolerance", lower, finite=False)
             lower, upper = -tolerance, tolerance
-        self._given = lower, upper
+        self._given = tuple(
+            checks.one_or_more(f"{self.name}.{which}", bound, finite=False)
+            for which, bound in (("lower", lower), ("upper", upper))
+        )
 
     def prepare(self, model: RobotModel) -> None:
         task = self.task
         task.prepare(model)
-        bounds = [
-            checks.array(
-                f"{self.name}.{which}", np.full(task.dim, b) if np.ndim(b) == 0 else b, (task.dim,), finite=False
-            )
-            for which, b in zip(("lower", "upper"), self._given, strict=True)
-        ]
-        lower, upper = bounds
+        lower, upper = (
+            checks.each(f"{self.name}.{which}", bound, task.dim, finite=False)
+            for which, bound in zip(("lower", "upper"), self._given, strict=True)
+        )
         if not (lower < upper).all():
             i = int(np.argmin(lower < upper))
             raise InvalidInput(f"{self.name}: row {i} is left nothing: lower {lower[i]:g}, upper {upper[i]:g}")
