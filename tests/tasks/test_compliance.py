@@ -114,7 +114,7 @@ def test_a_held_force_moves_the_target_by_the_spring(scale: float):
     [
         ({"inertia": 0.0}, r"inertia\[0\] is 0; it must be > 0"),
         ({"damping": [1, 1, 1, 1, 0, 1]}, r"damping\[4\] is 0; it must be > 0"),
-        ({"stiffness": -1.0}, r"stiffness\[0\] is -1; it must be >= 0"),
+        ({"stiffness": -1.0}, r"stiffness is -1; it must be >= 0"),
         ({"stiffness": [1.0, 2.0]}, r"stiffness must have shape \(6,\)"),
         ({"wrench": [1.0, 2.0]}, r"wrench must have shape \(3,\) or \(6,\)"),
         ({"wrench": [np.nan, 0.0, 0.0]}, r"wrench\[0\] is nan"),

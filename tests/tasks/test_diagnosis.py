@@ -122,7 +122,7 @@ def test_predicted_thresholds_are_seven_of_the_deviations_that_noise_of_the_velo
     ("settings", "said"),
     [
         ({"gain": [100.0, 0.0] + 5 * [1.0]}, r"gain\[1\] is 0"), ({"gain": np.nan}, "gain is nan"),
-        ({"dt": 0.0}, "dt is 0"), ({"floor": -1.0}, r"floor\[0\] is -1"), ({"floor": [1.0, 2.0]}, "must have shape"),
+        ({"dt": 0.0}, "dt is 0"), ({"floor": -1.0}, r"floor is -1"), ({"floor": [1.0, 2.0]}, "must have shape"),
         ({"floor": "low"}, "floor must be an array of numbers, not 'low'"),
     ],
 )  # fmt: skip
