@@ -89,6 +89,7 @@ def test_a_row_can_be_written_and_has_every_field(name: str):
     assert set(row) == FIELDS
     assert set(row["total_us"]) == set(row["raw_us"]) == {"median", "mean", "p99", "max"}
     assert set(row["split_us"]) == {"update", "fill", "solve", "decode", "rest"}
+    assert min(row["split_us"][part] for part in ("update", "fill", "solve", "decode")) > 0.0
     assert sum(row["counts"].values()) == row["ticks"] == 80
 
 

@@ -28,6 +28,7 @@ from wbc.types import Mat, Status, Vec
 #: The first ticks find cold memory, and no active set.
 WARM_UP = 100
 _PARTS = ("update", "fill", "solve", "decode")
+_METHODS = ("move", "fill", "solve", "decode")
 _OK = np.array([status.ok for status in Status])
 
 
@@ -124,16 +125,16 @@ class _Clock:
 def _clocks(controller: Controller) -> Iterator[list[_Clock]]:
     """A clock on each of the parts."""
     owners = controller.state, controller.plan, controller.mode.solver, controller
-    clocks = [_Clock(getattr(owner, part)) for owner, part in zip(owners, _PARTS, strict=True)]
+    clocks = [_Clock(getattr(owner, method)) for owner, method in zip(owners, _METHODS, strict=True)]
     # Plans and controllers take no attribute that they have not: their clocks stand in the classes meanwhile.
     fill = Plan.fill
-    for owner, part, clock in zip((owners[0], Plan, owners[2], Controller), _PARTS, clocks, strict=True):
-        setattr(owner, part, clock)
+    for owner, method, clock in zip((owners[0], Plan, owners[2], Controller), _METHODS, clocks, strict=True):
+        setattr(owner, method, clock)
     try:
         yield clocks
     finally:
         Plan.fill = fill  # type: ignore[method-assign]
-        delattr(Controller, _PARTS[-1])
+        delattr(Controller, _METHODS[-1])
 
 
 def _row(
