@@ -251,7 +251,8 @@ def test_bounds_may_be_replaced_between_ticks_and_come_back():
     np.testing.assert_allclose((lower, upper), (zero - 100.0, zero + 200.0))
     intervals.replace("position", -0.5, 0.5)
     assert (bounds(intervals, "acceleration", zero + 0.5, zero)[1] <= 1e-12).all()
-    intervals.reset()
+    intervals.replace("velocity", -1.0, 1.0)
+    intervals.replace("position", -np.inf, np.inf)
     for bound, again in zip(before, bounds(intervals, "acceleration", zero, zero), strict=True):
         np.testing.assert_array_equal(bound, again)
 

@@ -109,12 +109,12 @@ def test_joints_without_a_jerk_limit_are_as_they_were():
         assert with_one[0] != without[0]
 
 
-def test_reset_forgets_the_last_acceleration():
+def test_the_last_acceleration_can_be_forgotten():
     intervals = JointIntervals.compose([JointJerkLimits(100.0)], ARM, dt=1e-3)
     zero = np.zeros(ARM.nj)
     intervals.remember(zero + 5.0)
     np.testing.assert_allclose(bounds(intervals, "acceleration", zero, zero), (zero + 4.9, zero + 5.1))
-    intervals.reset()
+    intervals.forget()
     np.testing.assert_allclose(bounds(intervals, "acceleration", zero, zero), (zero - 0.1, zero + 0.1))
 
 

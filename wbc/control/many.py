@@ -71,7 +71,7 @@ def run_many(
         (4, 7)
     """
     workers = int(checks.number("workers", workers, low=1))
-    checks.instance("alone", alone, bool, "True or False")
+    alone = checks.truth("alone", alone)
     states = checks.moments("states", states)
     if not isinstance(plans, Controller):
         if not isinstance(plans, list | tuple) or not all(isinstance(one, Controller) for one in plans):

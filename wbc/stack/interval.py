@@ -82,7 +82,6 @@ class JointIntervals:
         self._braking = braking
         shape = (2, len(joint_names))
         self._limits = {quantity: np.full(shape, np.inf) for quantity in _QUANTITIES}
-        self._composed = {quantity: limit.copy() for quantity, limit in self._limits.items()}
         nj = shape[1]
         # Constants of the compiled formulas and what these leave, a quantity in each row, in the order of the kernel.
         numbers = np.zeros((16, 2 * nj))
@@ -114,7 +113,6 @@ class JointIntervals:
             limit = intervals._limits[constraint.quantity]
             np.minimum(limit, (upper, -lower), out=limit)
             intervals._check(constraint.quantity, constraint.name)
-        intervals._composed = {quantity: limit.copy() for quantity, limit in intervals._limits.items()}
         intervals._derive()
         return intervals
 
@@ -123,7 +121,7 @@ class JointIntervals:
         self._is_sealed = True
 
     def replace(self, quantity: str, lower: Any, upper: Any, *, by_plan: bool = False) -> None:
-        """New bounds on ``quantity``, scalar or (nj,), from the next tick on, until ``reset``.
+        """New bounds on ``quantity``, scalar or (nj,), from the next tick on.
 
         Raises:
             InvalidInput: no such quantity, NaN, lower > upper, or no 0 in bounds on velocity or acceleration; the
@@ -152,13 +150,6 @@ class JointIntervals:
         checks.one_of("quantity", quantity, _QUANTITIES)
         upper, lower = self._limits[quantity].copy()
         return -lower, upper
-
-    def reset(self) -> None:
-        """Back to the bounds of the constraints; the last acceleration is zero again."""
-        for quantity, limit in self._composed.items():
-            self._limits[quantity][:] = limit
-        self.forget()
-        self._derive()
 
     def forget(self) -> None:
         """The last acceleration is zero again."""
