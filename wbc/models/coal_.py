@@ -13,7 +13,7 @@ import pinocchio as pin
 from wbc.errors import InvalidInput, ModelError
 from wbc.models.geometry import Box, Cylinder, Mesh, Shape, Sphere
 from wbc.models.views import Shared
-from wbc.types import Mat
+from wbc.types import Mat, Vec
 
 #: The largest mesh file that is read [bytes].
 MAX_BYTES = 200_000_000
@@ -21,6 +21,8 @@ MAX_BYTES = 200_000_000
 # Curved shapes get their distance by iteration. To a looser tolerance their normals shake; to this one it fails once in
 # a million times, and says so by an absurd number. The penetration depth (EPA) has no floats for more.
 TIGHT, _DEPTH_TOLERANCE, _ITERATIONS = 1e-11, 1e-6, 256
+#: A distance [m] that is no answer, and the tolerance at which coal is asked again.
+_ABSURD, _LOOSE = 1e6, 1e-6
 
 
 def coal_shape(shape: Shape) -> tuple[Any, Any]:
@@ -106,6 +108,44 @@ def placements(data: Any) -> Mat:
     expected = [rotations[0] + 96 * i for i in range(n)]
     assert rotations == expected and positions == [at + 72 for at in expected], "one behind the other"
     return np.asarray(Shared(data.oMg[0].rotation, data, shape=(n, 12), strides=(96, 8)))
+
+
+class Answers:
+    """What coal finds of the pairs of a geometry, in memory that it writes; ``of(pair)`` asks it.
+
+    ``lines[pair]``, live views (9,): the direction from the first shape to the second, and the nearest points.
+    """
+
+    def __init__(self, geometry: Any, data: Any) -> None:
+        self._geometry, self._data = geometry, data
+        self._results = list(data.distanceResults)
+        self._requests = list(data.distanceRequests)
+        self.lines = [_line(one, data) for one in self._results]
+        balls, shift = (coal.Sphere(1.0), coal.Sphere(1.0)), coal.Transform3s(np.eye(3), np.array([3.0, 0.0, 0.0]))
+        known = coal.DistanceResult()
+        coal.distance(balls[0], coal.Transform3s(), balls[1], shift, coal.DistanceRequest(), known)
+        assert np.allclose(_line(known, known), [1, 0, 0, 1, 0, 0, 2, 0, 0]), "one behind the other"
+
+    def of(self, pair: int) -> float:
+        """The distance of a pair as its shapes are placed; to a looser tolerance where the tight one was too much.
+
+        Where neither is enough, the shapes count as touching.
+        """
+        result = self._results[pair]
+        pin.computeDistance(self._geometry, self._data, pair)
+        d: float = result.min_distance
+        if -_ABSURD < d < _ABSURD:
+            return d
+        request = self._requests[pair]
+        request.gjk_tolerance = _LOOSE
+        pin.computeDistance(self._geometry, self._data, pair)
+        request.gjk_tolerance = TIGHT
+        d = result.min_distance
+        return d if -_ABSURD < d < _ABSURD else 0.0
+
+
+def _line(result: Any, owner: Any) -> Vec:
+    return np.asarray(Shared(result.normal, owner, shape=(9,), strides=(8,)))
 
 
 def _address(array: Any) -> int:

@@ -306,20 +306,25 @@ class Distances:
         lines = near.read(J, state.v, speeds=state.drifts)
         if not len(lines):
             return
-        pairs = lines // self._lines
-        distances, rows = near.line[lines, 0], (near.force @ J) * self._sign[pairs]
-        own = near.own[self._second[pairs]] - near.own[self._first[pairs]]
-        rates = (near.force * own).sum(axis=1)
+        pairs, distances = lines // self._lines, near.line[lines, 0]
+        rows, rates = (near.force @ J) * self._sign[pairs], np.zeros(len(lines))
+        if self._moving:
+            rates = (near.force * (near.own[self._second[pairs]] - near.own[self._first[pairs]])).sum(axis=1)
         speeds = rows @ state.v + rates
-        felt = np.arange(len(lines))
         if state.drifts:
-            felt = np.flatnonzero(distances < np.maximum(self.reach, self.margin - 2.0 * self.ahead * speeds))
-        at = self._rows_for(lines[felt], distances[felt] + self.ahead * speeds[felt])
-        felt, at = felt[at >= 0], at[at >= 0]
-        self.which[at], self.distance[at] = pairs[felt], distances[felt]
-        self.jacobian[at], self.rate[at] = rows[felt], rates[felt]
+            felt = distances < np.maximum(self.reach, self.margin - 2.0 * self.ahead * speeds)
+            if not felt.all():
+                lines, pairs, distances = lines[felt], pairs[felt], distances[felt]
+                rows, rates, speeds = rows[felt], rates[felt], speeds[felt]
+        at = self._rows_for(lines, distances + self.ahead * speeds)
+        if self.missing:
+            held = at >= 0
+            at, lines, pairs, distances = at[held], lines[held], pairs[held], distances[held]
+            rows, rates, speeds = rows[held], rates[held], speeds[held]
+        self.which[at], self.distance[at] = pairs, distances
+        self.jacobian[at], self.rate[at] = rows, rates
         if state.drifts and len(at):
-            self.drift[at] = self._drifts(lines[felt], distances[felt], speeds[felt], state)
+            self.drift[at] = self._drifts(lines, distances, speeds, state)
 
     def _rows_for(self, lines: Index, soon: Vec) -> Index:
         """The row of each line, −1 where there is none; ``soon`` says how near each will be."""

@@ -6,16 +6,12 @@ from collections.abc import Sequence
 from typing import Any, final
 
 import numpy as np
-import pinocchio as pin
 
 from wbc.compiled import Memory
-from wbc.models.coal_ import TIGHT, memory_of, placements
+from wbc.models.coal_ import Answers, memory_of, placements
 from wbc.models.compiled.nearest import AGAIN, BEGIN, LINES, measure
 from wbc.models.convex import tables
 from wbc.types import Index, Mat, Vec
-
-#: A distance [m] that is no answer, and the tolerance at which coal is asked again.
-_ABSURD, _LOOSE = 1e6, 1e-6
 
 
 @final
@@ -36,8 +32,8 @@ class NearPairs:
         self, model: Any, geometry: Any, links: Sequence[int], *, reach: float, margin: float, ahead: float,
         close: float = -np.inf,
     ) -> None:  # fmt: skip
-        self._geometry = geometry
         self.data, self.beside = memory_of(geometry), memory_of(geometry)
+        self._here, self._beside = Answers(geometry, self.data), Answers(geometry, self.beside)
         shapes, radius = tables(shape.geometry for shape in geometry.geometryObjects)
         n, m = geometry.ngeoms, len(geometry.collisionPairs)
         counts = np.array([n, len(shapes[3]), len(shapes[5])], dtype=np.int64)
@@ -72,7 +68,8 @@ class NearPairs:
         self._twists[:] = self.own + (self.moved * v) @ J.T
         self._sizes[4], self._sizes[6] = BEGIN, speeds
         while (pair := measure(self._memory.address)) >= 0:
-            self._ask(pair)
+            self.line[pair * LINES, 0] = self._here.of(pair)
+            self.line[pair * LINES, 1:] = self._here.lines[pair]
         return self._found[: self._sizes[5]].copy()
 
     @property
@@ -88,30 +85,8 @@ class NearPairs:
         distances = self._again[:n].copy()
         if left:
             for i in np.flatnonzero(np.isnan(distances)):
-                distances[i] = self._measured(self.beside, int(lines[i]) // LINES)
+                distances[i] = self._beside.of(int(lines[i]) // LINES)
         return distances
-
-    def _ask(self, pair: int) -> None:
-        """Let coal fill the first line of a pair."""
-        d = self._measured(self.data, pair)
-        result = self.data.distanceResults[pair]
-        self.line[pair * LINES] = (d, *result.normal, *result.getNearestPoint1(), *result.getNearestPoint2())
-
-    def _measured(self, data: Any, pair: int) -> float:
-        """The distance; to a looser tolerance where the tight one was too much.
-
-        Where neither is enough, the shapes count as touching.
-        """
-        pin.computeDistance(self._geometry, data, pair)
-        d = float(data.distanceResults[pair].min_distance)
-        if -_ABSURD < d < _ABSURD:
-            return d
-        request = data.distanceRequests[pair]
-        request.gjk_tolerance = _LOOSE
-        pin.computeDistance(self._geometry, data, pair)
-        request.gjk_tolerance = TIGHT
-        d = float(data.distanceResults[pair].min_distance)
-        return d if -_ABSURD < d < _ABSURD else 0.0
 
 
 def _moved_by(model: Any, joint: int) -> Vec:
