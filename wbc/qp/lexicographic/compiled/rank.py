@@ -217,13 +217,12 @@ def decide(at: int, k: int, begins: bool) -> int:
         return int(code)
     if not keeps(at, k):
         return INACCURATE
-    for item in range(w.sizes[ITEMS]):
-        r.sides[k, item] = w.side[item]
-    if not w.sizes[LAST]:  # what holds nothing back would be moved to its bounds in the next tick, for nothing
-        for i in range(w.sizes[HELD]):
-            if w.holds[i] == 0.0:
-                r.sides[k, w.item[i]] = 0.0
-    else:  # what held a level back is one value in the last problem
+    counts = w.sizes[LAST] != 0
+    for i in range(w.sizes[HELD]):
+        counts = counts or w.holds[i] != 0.0
+    for item in range(w.sizes[ITEMS]):  # what holds nothing back would be moved to its bounds in the next tick, for
+        r.sides[k, item] = w.side[item] if counts else 0.0  # nothing; beside what does, it keeps the others there
+    if w.sizes[LAST]:  # what held a level back is one value in the last problem
         for item in range(w.sizes[ITEMS]):
             if w.kept[item] != 0.0:
                 place = place_of(s, item)

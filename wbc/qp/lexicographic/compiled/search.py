@@ -313,8 +313,8 @@ def solve_level(at: int) -> int:
         return SOLVED
     code, heavy = FAILED, _HEAVY
     for k in range(_FINDS):
-        for item in range(m):  # from the same set the core finds the same
-            w.side[item] = w.held[item] if k == 0 else 0.0
+        for item in range(m):  # where it led nowhere, from the same set the core finds the same
+            w.side[item] = w.held[item] if k == 0 or code == SOLVED else 0.0
         code = find(at, heavy)
         if code == INFEASIBLE and not w.sizes[INSIDE]:
             return code
