@@ -37,6 +37,9 @@ from wbc.tolerances import ROUNDING, SAME
 _CANCELLED = 1e-2
 #: Steps after which the pushes are computed anew.
 _ANEW = 10
+#: Steps for each item, and beside these. Of thousands of random problems those that were solved took 1.3 an item at most;
+#: where rounding leads in circles the search ends here.
+_MOST, _ALWAYS = 3, 50
 #: The mark of an item that is met only within rounding beside those held: the certificate judges it.
 _SKIP = 9.0
 
@@ -211,7 +214,7 @@ def finite(at: int) -> int:
             nothing += 0.0 * s.G[i, c]
     if nothing != 0.0 or not start(at):  # NaN is not zero
         return FAILED
-    limit = 10 * len(s.side) + 50
+    limit = _MOST * len(s.side) + _ALWAYS
     while s.sizes[8] < limit:
         s.sizes[8] += 1
         evaluate(at)
