@@ -37,8 +37,8 @@ from wbc.tolerances import ROUNDING, SAME
 _CANCELLED = 1e-2
 #: Steps after which the pushes are computed anew.
 _ANEW = 10
-#: Steps for each item, and beside these. Of thousands of random problems those that were solved took 1.3 an item at most;
-#: where rounding leads in circles the search ends here.
+#: Steps for each item, and beside these. Of thousands of random problems those that were solved took 1.3 an item at
+#: most; where rounding leads in circles the search ends here.
 _MOST, _ALWAYS = 3, 50
 #: The mark of an item that is met only within rounding beside those held: the certificate judges it.
 _SKIP = 9.0
