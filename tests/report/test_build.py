@@ -10,7 +10,7 @@ import pytest
 from wbc.models import load
 from wbc.report import Report, Table, Text, run_report
 from wbc.report.build import highlights, summary
-from wbc.report.document import formatted
+from wbc.report.document import Plot, formatted
 from wbc.report.happened import story
 from wbc.report.sections import SECTIONS, contacts, joints, solver, timing, tracking, verdict
 from wbc.sim.scenario import Check, Place, ScenarioResult
@@ -81,6 +81,29 @@ def test_a_figure_beyond_all_measure_is_as_short_as_any(torque: float):
     run.columns["tau"][7, 0] = torque
     (tile,) = (tile for tile in highlights(result_of(run, None)) if tile.what == "peak torque")
     assert tile.mood == "doubtful" and len(tile.value) < 12
+
+
+@pytest.mark.parametrize("size", [2, 3, 4, 6])
+def test_curves_of_a_task_in_two_units_have_the_names_of_their_rows(size: int):
+    run = standing_run()
+    names = [f"joint {k}" for k in range(2 * size)]
+    error = run.columns["error.Posture"] = np.outer(np.ones(120), np.arange(1.0, 2 * size + 1.0))
+    run.meta["tasks"]["Posture"] = {"units": ["m", "rad"] * size, "labels": names}
+    section = tracking.section(result_of(run, load("humanoid")))
+    assert section is not None
+    plots = [item for item in section.items if isinstance(item, Plot) and item.title == "Posture"]
+    drawn = {curve.label: curve.values[0] for plot in plots for curve in plot.curves if curve.label in names}
+    assert len(plots) == 2 and drawn == {name: 1e3 * error[0, k] for k, name in enumerate(names)}
+
+
+def test_the_curve_of_a_row_without_a_name_is_the_error():
+    run = standing_run()
+    run.columns["error.Posture"] = np.ones((120, 1))
+    run.meta["tasks"]["Posture"] = {"units": ["m"], "labels": [""]}
+    section = tracking.section(result_of(run, load("humanoid")))
+    assert section is not None
+    (plot,) = (item for item in section.items if isinstance(item, Plot) and item.title == "Posture")
+    assert [curve.label for curve in plot.curves] == ["error"]
 
 
 @pytest.mark.parametrize("rows", [1, 2])

@@ -19,14 +19,16 @@ def section(result: ScenarioResult) -> Section | None:
     run, items = result.run, list[Item]()
     rows = []
     for task in measure.tasks(run):
-        labels = run.meta.get("tasks", {}).get(task, {}).get("labels") or ()
+        about = run.meta.get("tasks", {}).get(task, {})
+        labels, units = about.get("labels") or (), about.get("units") or ()
         for k, (unit, error) in enumerate(measure.errors(run, task).items()):
             if not np.any(error):  # a task without a target, such as a gradient, has no error
                 continue
             factor, shown = readable(unit)
             name = f"tracking.{task}" + (f".{unit}" if k else "")
-            own = labels if len(labels) == error.shape[1] else ()
-            items.append(Plot(name, task, shown, measure.times(run), _curves(factor * error, own)))
+            own = [label for label, of in zip(labels, units, strict=False) if label and of == unit]
+            curves = _curves(factor * error, own if len(own) == error.shape[1] else ())
+            items.append(Plot(name, task, shown, measure.times(run), curves))
             norm = factor * np.linalg.norm(error, axis=1)
             rows.append((task, shown, float(np.sqrt(np.mean(norm**2))), float(norm.max()), float(norm[-1])))
     if not items:
