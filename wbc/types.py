@@ -5,7 +5,7 @@ symbol      shape            meaning
 ==========  ===============  =====================================================================
 nq, nv      scalars          size of the configuration, of the velocity
 nb          scalar           floating-base velocities: 6, or 0 on a fixed base
-nj          scalar           joints, all actuated: nv = nb + nj; torques and limits have nj entries
+nj          scalar           joints: nv = nb + nj; torques and limits have nj entries
 nf          scalar           contact force variables
 q           (nq,)            configuration; floating base: x y z, quaternion x y z w, then joints
 v           (nv,)            velocity; floating base: linear then angular **in the base frame**, then joints
@@ -27,7 +27,7 @@ y, z, z_box multipliers      H x + g + Aᵀy + Cᵀz + z_box = 0; z > 0 at an up
 
 SI units throughout: rad, m, s, N, N m, kg. Positions and poses are in the world frame and a pose
 maps frame coordinates to world coordinates. ``inf`` means "no limit"; zero, negative and NaN
-limits are errors.
+limits are errors, but a torque limit of zero is a joint without a motor.
 """
 
 from __future__ import annotations

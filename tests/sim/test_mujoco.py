@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import wbc
-from tasks import Sinusoid
+from tasks import FrozenJoints, JointCoupling, Position, Sinusoid
 from tasks.scenarios.humanoid_stand import STANCES
 from tasks.scenarios.standing import standing_stack
-from wbc.errors import InvalidInput, SimulationError, UnknownFrame
+from wbc.errors import InvalidInput, NotSupported, SimulationError, UnknownFrame
 from wbc.models import load
 from wbc.sim.engine import PhysicsSettings
 from wbc.sim.mujoco_ import MujocoPlant
@@ -119,6 +119,15 @@ def test_the_moment_of_a_sole_says_where_the_robot_stands(standing, stander):
         centres.append((anchor.position + anchor.rotation @ [*cop, 0.0])[:2])
         loads.append(f[2])
     np.testing.assert_allclose(np.average(centres, axis=0, weights=loads), state.com[:2], atol=5e-3)
+
+
+@pytest.mark.parametrize("name", [None, "tool"])  # also where the name is that of a frame
+@pytest.mark.parametrize("held", [
+    JointCoupling("elbow", to={"shoulder_pitch": -2.0}), FrozenJoints(["elbow"]), Position("tool", target=[0.4, 0, 0]),
+])  # fmt: skip
+def test_what_the_mechanism_holds_is_refused_as_such(held, name):
+    with pytest.raises(NotSupported, match="part of the mechanism"):
+        MujocoPlant(ARM, contacts=[held.with_reaction(name=name)])
 
 
 def slips(plant):

@@ -78,7 +78,7 @@ def footprints(
     ``balls``: a sole stands on the balls that the robot's description gives it, or on one at each corner.
 
     Raises:
-        NotSupported: a contact that is no rectangle, edge or ball.
+        NotSupported: a contact that is no rectangle, edge or ball, such as a gear.
         InvalidInput: a friction that is not positive, or two contacts of one name.
     """
     state = robot.state()
@@ -88,6 +88,11 @@ def footprints(
         name, link = contact.name, contact.frame
         if name in found:
             raise InvalidInput(f"two contacts are called {name!r}; give one of them a name of its own")
+        if contact.bilateral:
+            raise NotSupported(
+                f"contact {name!r} is a part of the mechanism, which physics cannot build; task.exactly() in "
+                "subject_to makes motors do the same"
+            )
         mu = contact.friction if friction is None else checks.number("friction", friction, low=0.0, strict=True)
         frame, anchor = state.frame(link), contact.anchor(state)
         if isinstance(contact, Rectangular):
