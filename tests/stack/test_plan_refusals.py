@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import wbc
 from tasks import (
@@ -20,6 +22,7 @@ from tests.stack.test_plan import SharedLoad, controller
 from wbc.errors import InvalidInput, MemberFailed, NotSupported, UnknownFrame, UnknownName
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.stack.constraint import Barrier, BarrierRows, ConstraintRows, LinearConstraint
+from wbc.stack.contact import Anchor, ContactRows
 from wbc.stack.task import LinearRows, LinearTask, Task, TaskRows
 
 
@@ -101,6 +104,78 @@ class Clumsy(Task):
 def test_a_constraint_that_says_less_than_it_should_is_refused_by_name(arm: PinocchioModel, constraint: Any) -> None:
     with pytest.raises((InvalidInput, NotSupported), match=type(constraint).__name__):
         controller(arm, wbc.Stack([Posture(arm.q0)], subject_to=[constraint]))
+
+
+class Between(LinearConstraint):
+    """The torques of all joints are between two numbers, from a time on."""
+
+    on, dim, units = "torque", 7, "N m"
+
+    def __init__(self, lo: float, hi: float, *, since: float) -> None:
+        super().__init__()
+        self.lo, self.hi, self.since = lo, hi, since
+
+    def fill(self, state: Any, out: ConstraintRows) -> None:
+        out.A[:] = np.eye(7)
+        out.lo[:], out.hi[:] = -50.0, 50.0
+        if state.t >= self.since:
+            out.lo[2], out.hi[2] = self.lo, self.hi
+
+
+@given(lo=st.floats(-1e3, 1e3), gap=st.floats(1e-6, 1e3), softly=st.booleans())
+def test_a_linear_constraint_with_crossed_bounds_is_refused_by_row(lo: float, gap: float, softly: bool) -> None:
+    arm = wbc.load("arm")
+
+    def stack(since: float) -> wbc.Stack:
+        law = Between(lo, lo - gap, since=since)
+        posture = Posture(arm.q0)
+        return wbc.Stack([posture, law.softly()]) if softly else wbc.Stack([posture], subject_to=[law])
+
+    with pytest.raises(InvalidInput, match=r"Between.*lo\[2\].*above hi\[2\]"):
+        controller(arm, stack(-1.0))
+    later = controller(arm, stack(0.5))
+    assert later.tick(0.0, arm.q0, np.zeros(7)).status.ok
+    command = later.tick(0.5, arm.q0, np.zeros(7))
+    assert not command.status.ok and np.isfinite(command.tau).all()
+    assert "Between" in later.why and "lo[2]" in later.why
+
+
+class Foot(wbc.Contact):
+    """Three rows, and what a test makes of the rest."""
+
+    dim, K = 3, [[1.0, 0.0, -0.5], [-1.0, 0.0, -0.5]]
+    labels: Any = (("fx <= mu fz", "N"), ("-fx <= mu fz", "N"))
+    units: Any = ("m", "m", "m")
+
+    def anchor(self, state: Any) -> Anchor:
+        return Anchor(np.eye(3), state.frame(self.frame).position)
+
+    def fill(self, state: Any, anchor: Anchor, out: ContactRows) -> None:
+        frame = state.frame(self.frame)
+        out.J[:], out.drift[:] = frame.jacobian()[:3], frame.drift()[:3]
+        out.e[:] = anchor.position - frame.position
+
+    def cone(self) -> Any:
+        return np.array(self.K)
+
+    def cone_labels(self) -> Any:
+        return self.labels
+
+    def motion_units(self) -> Any:
+        return self.units
+
+
+@pytest.mark.parametrize("wrong", [
+    {"K": [[1.0, 0.0], [-1.0, 0.0]]}, {"K": [1.0, 0.0, -0.5]}, {"K": [[1.0, 0.0, np.nan]] * 2}, {"K": "cone"},
+    {"labels": ()}, {"labels": ("fx", "-fx")}, {"labels": (("fx",), ("-fx",))}, {"labels": None},
+    {"units": ("m",)}, {"units": None}, {"motion_labels": lambda self: ["x"]}, {"wrench_axes": (0, 1)}, {"dim": None},
+])  # fmt: skip
+def test_a_contact_whose_sizes_do_not_agree_is_refused_by_name(arm: PinocchioModel, wrong: dict[str, Any]) -> None:
+    for level in (wbc.InverseDynamics(), wbc.VelocityLevel()):
+        controller(arm, wbc.Stack([Posture(arm.q0)], contacts=[Foot("tool", friction=0.5)]), level=level)
+        contact = type("Foot", (Foot,), wrong)("tool", friction=0.5)
+        with pytest.raises(InvalidInput, match=r"Foot\[tool\]"):
+            controller(arm, wbc.Stack([Posture(arm.q0)], contacts=[contact]), level=level)
 
 
 @pytest.mark.parametrize("task", [Rowless(), Clumsy()])

@@ -12,7 +12,15 @@ from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
 from wbc.qp.rows import RowProblem, RowTask
 from wbc.stack.compiled.finish_kernel import BARRIER, FORCE, TORQUE, UNKNOWN, VELOCITY, finish
-from wbc.stack.constraint import Barrier, BarrierRows, ConstraintRows, JointInterval, Softly, TorqueBySpeed
+from wbc.stack.constraint import (
+    Barrier,
+    BarrierRows,
+    ConstraintRows,
+    JointInterval,
+    LinearConstraint,
+    Softly,
+    TorqueBySpeed,
+)
 from wbc.stack.contact import Anchor, ContactRows
 from wbc.stack.interval import JointIntervals
 from wbc.stack.kernel_rows import KernelRows
@@ -191,7 +199,15 @@ class RowBlock(Block):
         self._read()
         self.into.drift[:] = self._poison
         super().fill(state)
+        if isinstance(self.says, LinearConstraint):
+            self._refuse_crossed(self.out.lo, self.out.hi)
         finish(self.finishing)
+
+    def _refuse_crossed(self, lower: Vec, upper: Vec) -> None:
+        crossed = lower > upper
+        if crossed.any():
+            i = int(crossed.argmax())
+            raise InvalidInput(f"{self.name} is left nothing: lo[{i}] is {lower[i]:g}, above hi[{i}], {upper[i]:g}")
 
     def _read(self) -> None:
         if isinstance(self.says, Barrier):

@@ -7,6 +7,7 @@ from typing import Any, TypeVar, final
 
 import numpy as np
 
+from wbc import checks
 from wbc.errors import InvalidInput, NotSupported, UnknownContact
 from wbc.models.model import RobotModel
 from wbc.qp.problem import Row
@@ -46,6 +47,8 @@ class Layout:
         self._per = "/s" if level.order == 1 else "/s²"
         for member in () if prepared else (*stack.tasks, *stack.subject_to, *stack.contacts):
             explained(f"{member.name}.prepare", member.prepare, model)
+        for contact in () if prepared else stack.contacts:
+            explained(f"{contact.name}.cone", _refuse_cone, contact)
         constraints = [one for constraint in stack.subject_to for one in self._each(constraint)]
         for member in (*stack.tasks, *constraints):
             self._refuse(member)
@@ -202,6 +205,25 @@ class Layout:
     def _of_contact(self, contact: Contact) -> list[Row]:
         said = zip(contact.motion_labels(), contact.motion_units(), strict=True)
         return [Row(f"contact[{contact.short_name}]", label, unit + self._per) for label, unit in said]
+
+
+def _refuse_cone(contact: Contact) -> None:
+    """Refuse a contact whose sizes do not agree."""
+    dim = getattr(contact, "dim", None)
+    if dim is None:
+        raise InvalidInput(f"{contact.name} has no dim; set it: how many numbers its force has")
+    cone, labels = checks.array(f"{contact.name}.cone()", contact.cone(), (None, dim)), contact.cone_labels()
+    for what, given, wanted in (
+        ("cone labels", labels, len(cone)), ("motion units", contact.motion_units(), dim),
+        ("motion labels", contact.motion_labels(), dim),
+    ):  # fmt: skip
+        if len(given) != wanted:
+            raise InvalidInput(f"{contact.name} has {len(given)} {what}; it must have {wanted}, one for each row")
+    for label in labels:
+        if len(checks.items(f"a cone label of {contact.name}", label, "a label and a unit")) != 2:
+            raise InvalidInput(
+                f"a cone label of {contact.name} is {checks.shown(label)}; it must be a label and a unit"
+            )
 
 
 def _has_slack(constraint: Any) -> bool:
