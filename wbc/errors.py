@@ -136,6 +136,12 @@ class UnknownSlot(UnknownName):
     kind = "slot"
 
 
+class UnknownMapping(UnknownName):
+    """No mapping from a person to the robot comes with the library."""
+
+    kind = "mapping for"
+
+
 class UnknownConfiguration(UnknownName):
     """No such named configuration of the robot."""
 

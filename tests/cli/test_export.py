@@ -28,7 +28,20 @@ def test_a_log_is_written_and_its_size_said(wbc, recorded: Path, tmp_path: Path)
         ((), "--gif"),
         (("--gif", "run.webp"), "must end in .gif"),
         (("--gif", "run.gif", "--camera", "1"), "azimuth"),
-        (("--gif", "run.gif", "--size", "640"), "size"),
+        *(
+            (("--gif", "run.gif", "--size", size), f"--size {size}: give width and height")
+            for size in (
+                "640",
+                "640x",
+                "x480",
+                "640x480x3",
+                "640*480",
+                "a x b",
+                "-1x5",
+                "6e2x4e2",
+                "640.5x480",
+            )
+        ),
         (("--gif", "run.gif", "--robot", "humanoid"), "other joints"),
         (("--mcap", "nowhere/run.mcap"), "cannot be written"),
     ],

@@ -36,6 +36,13 @@ def test_help_shows_every_text(wbc, words, monkeypatch):
         assert not text or squeezed(text) in shown, parameter.name
 
 
+@pytest.mark.parametrize("words", PAGES, ids=" ".join)
+def test_words_that_are_not_understood_lead_to_the_help_of_their_command(wbc, words):
+    answer = wbc(*words, "--nonsense")
+    assert answer.code == 2 and answer.err.count("\n") == 1 and not answer.out
+    assert answer.err.endswith(f"(see {' '.join(('wbc', *words))} --help)\n") and "--nonsense" in answer.err
+
+
 @pytest.mark.parametrize("words", [(), ("report",)])
 def test_a_command_that_only_has_verbs_shows_its_help(wbc, words):
     answer = wbc(*words)

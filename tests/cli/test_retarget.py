@@ -56,5 +56,8 @@ def test_the_command_writes_page_and_motion_and_says_the_share(wbc, tmp_path):
     }  # fmt: skip
     run = Run.load(tmp_path / "out")  # `wbc export` draws it, and `wbc index` knows that it passed
     assert named(run).name == "humanoid" and run.rows == 240 and run.meta["judged"]["ok"] is True
-    assert wbc("retarget", "nothing.bvh").code == 2
-    assert wbc("retarget", "squat", "--robot", "arm").code == 2
+    for words in (("nothing.bvh",), ("nothing.npz",), ("nothing.csv",), ("squat", "--mapping", "nothing.toml")):
+        answer = wbc("retarget", *words)
+        assert answer.code == 2 and answer.err == f"wbc: {words[-1]} cannot be read: there is no such file\n"
+    answer = wbc("retarget", "squat", "--robot", "arm")
+    assert answer.code == 2 and "there is no mapping for 'arm'" in answer.err

@@ -11,7 +11,7 @@ import pytest
 
 import wbc
 from tests.scenarios.test_standing import needs_examples
-from wbc.errors import InvalidInput, UnknownName
+from wbc.errors import InvalidInput, UnknownMapping, UnknownName
 from wbc.models.along import velocities
 from wbc.models.catalogue import OWN_ROBOTS
 from wbc.models.feet import Foot
@@ -191,5 +191,5 @@ def test_what_is_saved_is_what_there_is(tmp_path):
 def test_robots_that_have_no_feet_or_no_mapping_are_refused():
     with pytest.raises(InvalidInput, match="floating"):
         wbc.retarget(made("squat"), wbc.load("humanoid", base="fixed"))
-    with pytest.raises(UnknownName, match="mapping"):
+    with pytest.raises(UnknownMapping, match="there is no mapping for 'quadruped'; there are: g1, humanoid, talos"):
         wbc.retarget(made("squat"), wbc.load("quadruped", base="floating"))

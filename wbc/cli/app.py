@@ -58,8 +58,9 @@ def run_app() -> None:
     usage_error: Any = typer.BadParameter.__base__
     warnings.formatwarning = lambda message, *_, **__: f"note: {' '.join(str(message).split())}\n"
     try:
-        sys.exit(app(standalone_mode=False) or 0)
+        sys.exit(app(prog_name="wbc", standalone_mode=False) or 0)
     except usage_error as error:
         complaint: Any = error
-        complain(f"{complaint.format_message().rstrip('.')}; see wbc --help")
+        verb = "wbc" if complaint.ctx is None else complaint.ctx.command_path
+        complain(f"{complaint.format_message().rstrip('.')} (see {verb} --help)")
         sys.exit(BAD_INPUT)

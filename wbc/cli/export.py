@@ -48,8 +48,10 @@ def export(
     for ending, path in pictures.items():
         if path is not None and path.suffix.lower() != ending:
             raise InvalidInput(f"--{ending[1:]} {path}: the name must end in {ending}")
-    wide, _, high = size.partition("x")
-    pixels = round(checks.typed("size", wide)), round(checks.typed("size", high))
+    sides = size.split("x")
+    if len(sides) != 2 or not all(side.isdecimal() for side in sides):
+        raise InvalidInput(f"--size {size}: give width and height in pixels: 640x480")
+    pixels = int(sides[0]), int(sides[1])
     looks = None
     if camera is not None:
         numbers = [checks.typed("camera", part) for part in camera.split(",")]

@@ -125,6 +125,8 @@ class Motion:
         reader = {".bvh": read_bvh, ".npz": _arrays, ".csv": _table}.get(place.suffix.lower())
         if reader is None:
             raise InvalidInput(f"{place} is no motion that can be read; give a .bvh, .npz or .csv file")
+        if not place.exists():
+            raise InvalidInput(f"{place} cannot be read: there is no such file")
         rate, given = reader(place)
         name, positions = place.stem, given["positions"]
         called = known_parts(name, [*positions])

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 from wbc import checks
-from wbc.errors import InvalidInput, UnknownFrame, UnknownName
+from wbc.errors import InvalidInput, UnknownFrame, UnknownMapping, UnknownName
 from wbc.files import Place, located
 from wbc.models.pinocchio_ import PinocchioModel
 
@@ -54,13 +54,13 @@ class Table(NamedTuple):
 
         Raises:
             InvalidInput: no such file, or one that says what makes no sense. UnknownFrame: a frame the robot lacks.
-            UnknownName: nothing was given, and none comes with the library for this robot.
+            UnknownMapping: nothing was given, and none comes with the library for this robot.
         """
         if given is None:
             known = {path.stem: path for path in Path(__file__).with_name("mappings").glob("*.toml")}
             given = next((path for name, path in known.items() if robot.name.lower().startswith(name)), None)
             if given is None:
-                raise UnknownName(robot.name, known, "robots with a mapping; give the path of one for others")
+                raise UnknownMapping(robot.name, known, "give the path of one of your own")
         made = cls._checked(given.name, *given) if isinstance(given, Table) else cls.read(given)
         for part, follower in made.followers.items():
             if follower.frame not in robot.frame_names:
@@ -76,6 +76,8 @@ class Table(NamedTuple):
             InvalidInput: no such file, no TOML, a part that is unknown or missing, a weight that is negative.
         """
         place = located(path)
+        if not place.exists():
+            raise InvalidInput(f"{place} cannot be read: there is no such file")
         try:
             said = tomllib.loads(place.read_text(encoding="utf-8-sig"))
         except (OSError, ValueError, RecursionError) as cause:

@@ -197,8 +197,8 @@ def retarget(
         progress: called with the share that is done, and a word.
 
     Raises:
-        InvalidInput: a motion, mapping or robot that makes no sense. UnknownName: no mapping for this robot,
-            rotations or contacts of a part that no body has.
+        InvalidInput: a motion, mapping or robot that makes no sense. UnknownMapping: none for this robot.
+            UnknownName: rotations or contacts of a part that no body has.
 
     Example:
         >>> import wbc
