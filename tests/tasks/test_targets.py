@@ -46,6 +46,13 @@ def pose(rotation: Any = IDENTITY, last_row: Any = (0, 0, 0, 1)) -> np.ndarray:
         (lambda: Position(TOOL, target=lambda t: (np.zeros(3), np.zeros(3))), r"\(value, rate, acceleration\)"),
         (lambda: Position(TOOL, target=lambda t: (0.4, 0.2, 0.5)), r"several numbers as a list or an array, not as a"),
         (lambda: Position(TOOL, target=lambda t: (np.zeros(3), np.zeros(2), np.zeros(3))), "target rate must have"),
+        *(
+            (
+                lambda axes=axes: Position(TOOL, axes=axes, target=Sinusoid(np.zeros(3), amplitude=0.1, frequency=1.0)),
+                rf"target must have shape \({len(axes)},\), not \(3,\)",
+            )
+            for axes in ("x", "xz", "xy")
+        ),
         (lambda: CenterOfMass(target=None), "CenterOfMass.target is None"),
         (lambda: ContactForce("sole", target=[1.0, 2.0]), r"must have shape \(3,\) or \(6,\), not \[1.0, 2.0\]"),
         (lambda: Position(TOOL, target=[0.0, 0.0], axes="yx"), "axes is 'yx'; it must be one of xyz, xy, yz"),

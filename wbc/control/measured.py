@@ -42,13 +42,16 @@ class Measured:
         Raises:
             InvalidInput: q or v has another shape, or an argument is not real numbers.
         """
+        name = "t"
         try:
             t = t if type(t) is float else float(checks.floats(t)[()])
+            name = "q"
             q = q if type(q) is np.ndarray and q.dtype is _NUMBERS else checks.floats(q)
+            name = "v"
             v = v if type(v) is np.ndarray and v.dtype is _NUMBERS else checks.floats(v)
-        except Exception as cause:  # a conversion may raise whatever it likes
-            text = f"{type(cause).__name__}: {cause}"
-            raise InvalidInput(f"tick(t, q, v) takes a time [s] and two vectors of real numbers: {text}") from None
+        except Exception:  # a conversion may raise whatever it likes
+            wrong = f"{name} is {checks.shown({'t': t, 'q': q, 'v': v}[name])}"
+            raise InvalidInput(f"tick(t, q, v) takes a time [s] and two vectors of real numbers; {wrong}") from None
         if q.shape != self._q_shape or v.shape != self._v_shape:
             name, vector, shape = ("v", v, self._v_shape) if q.shape == self._q_shape else ("q", q, self._q_shape)
             raise InvalidInput(f"{name} must have shape {shape}, not {vector.shape}")

@@ -88,6 +88,8 @@ class Target:
                 "as a list or an array, not as a tuple"
             )
         value, rate, second = result
+        if strict:  # of three that are wrong in the same way the value is named
+            self._convert(self._name, value, True)
         if strict or not type(rate) is type(second) is np.ndarray or not rate.shape == second.shape == self._shape:
             rate = self._vector("rate", rate, strict)
             second = self._vector("acceleration", second, strict)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from tests.qp.zoo import random_qp
@@ -28,6 +30,20 @@ def found() -> dict[str, Any]:
         qps, solvers=[Hanging(), Crashing(), Lying(), "daqp"], rounds=1, limit=3.0, classes={"default": None},
         torture=False, growth=False,
     )  # fmt: skip
+
+
+@pytest.mark.parametrize(("run", "options", "said"), [
+    ([], {}, "nothing to compare"), ((), {}, "nothing to compare"),
+    *(([SMALL], {what: wrong}, what) for what in ("rounds", "ticks") for wrong in (0, -1, 1.5, True, "3", None)),
+    *(([SMALL], {what: wrong}, what) for what in ("limit", "patience") for wrong in (0.0, -1.0, np.nan, "3", None)),
+    *(([SMALL], {"classes": wrong}, "classes") for wrong in ({"x": "y"}, {"x": 0.0}, {"x": -1e-6}, ["default"], None)),
+])  # fmt: skip
+def test_a_comparison_that_makes_no_sense_is_refused_before_anything_is_measured(
+    run: Any, options: dict[str, Any], said: str, tmp_path: Path
+):
+    with pytest.raises(InvalidInput, match=said):
+        compare(run, solvers=["pdas"], out=tmp_path / "report", **options)
+    assert not list(tmp_path.iterdir())
 
 
 def column(found: dict[str, Any], solver: str, mode: str = "cold") -> dict[str, Any]:

@@ -81,6 +81,8 @@ def compare(
     place = None if out is None else Path(out)
     folder = None if place is None else fresh(place, _JOURNAL, "comparison", DATA)
     sources = _listed(run)
+    if not sources and not (options.get("torture") or options.get("growth")):
+        raise InvalidInput("there is nothing to compare solvers on; give QPs, a scenario or a folder")
     _refuse_stray(settings, sources)
     collected = _collected(sources, settings, choices, Request(chosen, **options), progress)
     with TemporaryDirectory(prefix="wbc-compare-") if folder is None else nullcontext(folder) as name:

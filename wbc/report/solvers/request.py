@@ -8,9 +8,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from typing import Any, final
 
+from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.qp.solver import Solver
 from wbc.qp.solvers import SOLVERS, Guarded
+from wbc.sim.plant import whole
 from wbc.sim.scenario import check_consent
 
 _NOT_SENT = (
@@ -53,6 +55,15 @@ class Request:
     loop: bool = True
     torture: bool = False
     growth: bool = False
+
+    def __post_init__(self) -> None:
+        whole("rounds", self.rounds)
+        whole("ticks", self.ticks)
+        checks.number("limit", self.limit, low=0.0, strict=True)
+        checks.number("patience", self.patience, low=0.0, strict=True)
+        for name, tolerance in checks.instance("classes", self.classes, Mapping, "tolerances by name").items():
+            if tolerance is not None:
+                checks.number(f"classes[{name!r}]", tolerance, low=0.0, strict=True)
 
     def to_json(self) -> dict[str, Any]:
         """The request as JSON values; solvers as :func:`encoded` writes them.
