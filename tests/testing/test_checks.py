@@ -190,7 +190,9 @@ def test_a_member_that_looks_for_its_frame_in_fill_alone_is_checked_where_that_e
             check_task(Unprepared("pelvis"))
     else:
         check_task(Unprepared("pelvis"))
-    with pytest.raises(CheckFailed, match="fits none of our robots, so give a model; arm: there is no frame 'nowhere'"):
+    with pytest.raises(
+        CheckFailed, match="none of our robots, so give yours as the second argument; arm: there is no frame 'nowhere'"
+    ):
         check_task(Unprepared("nowhere"))
     with pytest.raises(UnknownFrame):
         check_task(Unprepared("pelvis"), ARM)
@@ -251,6 +253,19 @@ class PowerLimit(LinearConstraint):
 
     def fill(self, state: Any, out: Any) -> None:
         out.A[:], out.lo[:], out.hi[:] = 1.0, -np.inf, 50.0
+
+
+@pytest.mark.parametrize("quantity", ["torques", "position", "jerk", "", None, 3])
+def test_a_linear_constraint_on_what_no_level_decides_is_caught(quantity: Any):
+    with pytest.raises(CheckFailed, match=r"Wrong\.on is "):
+        check_constraint(type("Wrong", (PowerLimit,), {"on": quantity})())
+
+
+@pytest.mark.parametrize("right", [PowerLimit, Ceiling])
+@pytest.mark.parametrize("dim", [None, 0, -1, 1.5])
+def test_a_constraint_without_rows_is_caught(right: type, dim: Any):
+    with pytest.raises(CheckFailed, match=r"Wrong\.dim is .*positive integer"):
+        check_constraint(type("Wrong", (right,), {"dim": dim})())
 
 
 class PowerLimitCrossed(PowerLimit):

@@ -17,6 +17,7 @@ from wbc.stack.constraint import (
     JointInterval,
     LinearConstraint,
 )
+from wbc.stack.formulation import InverseDynamics
 from wbc.stack.member import Member
 from wbc.stack.task import Exactly
 from wbc.testing.differences import along, in_time, velocity_names
@@ -27,6 +28,7 @@ from wbc.testing.tasks import check_task
 from wbc.types import Vec
 
 _TOLERANCE = 1e-5
+_DECIDED = InverseDynamics.carries
 _QUANTITIES = {"position", "velocity", "acceleration", "jerk", "torque"}
 
 
@@ -56,6 +58,9 @@ def check_constraint(
 
     def check(own: Any, robot: RobotModel) -> None:
         when = moments(robot) if given is None else given
+        if isinstance(own, Barrier | LinearConstraint):
+            dim = getattr(own, "dim", None)
+            require(isinstance(dim, int) and dim > 0, f"{own.name}.dim is {dim!r}; it must be a positive integer")
         if isinstance(own, Constraints):
             for one in own.constraints(frozenset(_QUANTITIES)):
                 check_constraint(one, robot, when, contact_dim=contact_dim)
@@ -125,6 +130,9 @@ def _check_barrier(constraint: Barrier, model: RobotModel, when: list[Moment]) -
 
 
 def _check_linear(constraint: LinearConstraint, model: RobotModel, when: list[Moment], contact_dim: int) -> None:
+    require(
+        constraint.on in _DECIDED, f"{constraint.name}.on is {constraint.on!r}; it must be one of {sorted(_DECIDED)}"
+    )
     size = {"torque": model.nj, "force": contact_dim}.get(constraint.on, model.nv)
     filling = Filling(
         constraint.name, model, constraint.fill, ConstraintRows, {"A": (constraint.dim, size), "lo": (constraint.dim,),

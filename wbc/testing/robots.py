@@ -63,4 +63,6 @@ def on_robots(member: Any, model: RobotModel | None, check: Callable[[Any, Robot
         except UnknownName as reason:  # of a member that looks for its frames in ``fill`` alone
             refused.append(f"{robot.name}: {reason}")
     if len(refused) == len(robots()):
-        raise CheckFailed(f"{member.name} fits none of our robots, so give a model; " + "; ".join(refused))
+        raise CheckFailed(
+            f"{member.name} fits none of our robots, so give yours as the second argument; " + "; ".join(refused)
+        )
