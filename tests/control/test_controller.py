@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Any, ClassVar, final
 
@@ -85,6 +86,17 @@ def test_an_attribute_that_does_not_exist_is_refused_and_so_is_another_setting(a
             setattr(control, fixed, getattr(control, fixed))
     with pytest.raises(NotSupported, match=r"controller\.replace\(stack\)"):
         control.stack = wbc.Stack([Posture(arm.q0)])
+
+
+@pytest.mark.parametrize("weight", [1e-4, 1e-2, 1.0, 30.0])
+def test_what_is_left_of_a_level_is_weighted_and_called_so(arm: Any, weight: float) -> None:
+    levels = wbc.Stack([[Position("tool", target=[0.4, 0.2, 0.5])], [Posture(arm.q0 + 0.3, weight=weight)]])
+    control = wbc.Controller(arm, levels, level=wbc.VelocityLevel(), hierarchy=wbc.Strict())
+    control.tick(0.0, arm.q0, np.zeros(7))
+    said = control.explain()
+    (of_level,) = re.findall(r"2\. Posture: optimal, weighted residual ([\d.e+-]+)", said)
+    (of_task,) = re.findall(r"  Posture: error .* residual ([\d.e+-]+) rad/s", said)
+    assert float(of_level) == pytest.approx(weight**0.5 * float(of_task), rel=0.01)
 
 
 def test_wrong_shapes_and_types_raise(arm: Any) -> None:

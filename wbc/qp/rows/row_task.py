@@ -43,7 +43,8 @@ class Outcome(NamedTuple):
 
     ``how`` is "met": nothing is left. "optimal": the least that the levels above leave. "not optimised": the budget
     ended first, and the tasks are where the levels above left them. "weighted fallback": there was no strict answer,
-    and one weighted sum of all levels was minimised instead.
+    and one weighted sum of all levels was minimised instead. The weights are those of the tick: a level that is slowed,
+    because a level above was not met, has smaller ones than its tasks.
     """
 
     tasks: tuple[str, ...]
@@ -52,5 +53,5 @@ class Outcome(NamedTuple):
     certificate: Certificate
 
     def __str__(self) -> str:
-        left = "" if self.how == "met" or self.residual != self.residual else f", residual {self.residual:.3g}"
+        left = "" if self.how == "met" or self.residual != self.residual else f", weighted residual {self.residual:.3g}"
         return f"{' + '.join(self.tasks) or 'regularisation'}: {self.how}{left}"
