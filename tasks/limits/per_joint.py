@@ -11,6 +11,9 @@ from wbc.models.model import RobotModel
 from wbc.stack.by_name import meant, pattern
 from wbc.types import Vec
 
+#: How many joints a message names.
+SHOWN = 3
+
 
 def per_joint(what: str, value: Any, model: RobotModel, default: Vec) -> Vec:
     """``value`` for each joint (nj,): a scalar, (nj,), or {joint: value}. None, and joints left out: ``default``.
@@ -39,8 +42,11 @@ def positive(what: str, values: Vec, model: RobotModel) -> Vec:
     """
     wrong = {joint: value for joint, value in zip(model.joint_names, values.tolist(), strict=True) if not value > 0.0}
     if wrong:
-        of = ", ".join(f"of joint {joint!r} is {value:g}" for joint, value in wrong.items())
-        named = ", ".join(f"{joint!r}: value" for joint in wrong)
+        some = list(wrong)[:SHOWN]
+        of = ", ".join(f"of joint {joint!r} is {wrong[joint]:g}" for joint in some)
+        named = ", ".join(f"{joint!r}: value" for joint in some)
+        if len(wrong) > len(some):
+            of, named = f"{of}, and of {len(wrong) - len(some)} more", f"{named}, …"
         raise InvalidInput(
             f"{what} {of}; a limit is positive (inf: none). "
             f"Pass {what.rpartition('.')[2]}={{{named}}} to overrule the model"

@@ -209,6 +209,20 @@ def test_the_page_is_as_wide_as_the_window(chromium: Browser, page: Path, width:
     assert not chromium.errors
 
 
+@pytest.mark.parametrize("width", [1180, 1400, 1800])
+def test_beside_a_robot_every_section_has_its_link_in_sight_and_below_the_links(
+    chromium: Browser, page: Path, width: int
+):
+    chromium.open(page, width=width, height=844)
+    assert chromium.run("(nav => nav.scrollWidth <= nav.clientWidth)(document.querySelector('nav'))")
+    hidden = """[...document.querySelectorAll('main section[id]')].filter(section => {
+        section.scrollIntoView({behavior: 'instant'});
+        const nav = document.querySelector('nav').getBoundingClientRect();
+        return section.getBoundingClientRect().top < nav.bottom;
+    }).map(section => section.id)"""
+    assert chromium.run(hidden) == []
+
+
 def test_the_contents_stay_in_sight(tab: Browser):
     tab.run("scrollTo({top: document.body.scrollHeight, behavior: 'instant'})")
     tab.settle()

@@ -82,6 +82,16 @@ def test_crossed_position_limits_are_refused_by_joint_name():
     JointPositionLimits(upper={FIRST: 1.0}).prepare(robot)
 
 
+@pytest.mark.parametrize("wrong", range(1, 8))
+def test_a_limit_that_many_joints_get_wrong_names_three_of_them(wrong: int):
+    values = np.where(np.arange(7) < wrong, -2.0, 1.0)
+    with pytest.raises(InvalidInput, match=r"v_max of joint .* is -2.*; a limit is positive") as refused:
+        JointVelocityLimits(values).prepare(ARM)
+    said = str(refused.value)
+    assert [f"joint {joint!r} is" in said for joint in ARM.joint_names] == [k < min(wrong, 3) for k in range(7)]
+    assert (f"and of {wrong - 3} more" in said) == (wrong > 3)
+
+
 @pytest.mark.parametrize(
     ("constraint", "said"),
     [
