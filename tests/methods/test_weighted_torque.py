@@ -484,3 +484,13 @@ def test_contradicting_rows_are_out_of_reach_in_closed_form_too():
     assert half.closed_form().scale == pytest.approx(0.5) and half.solve().scale == pytest.approx(0.5)
     never = again(task, drift=[1.0, 0.0])  # a₁ + 1 = 2 s and a₁ = 4 s: s < 0
     assert np.isnan(never.closed_form().scale) and np.isnan(never.solve().scale)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_equal_rows_with_opposite_accelerations_leave_the_scale_zero(form: str):
+    for k in range(30):
+        rng = generator("opposite", form, k)
+        row, factor = rng.choice([-1.0, 0.0, 1.0, 2.0], 3), rng.normal(size=(3, 3))
+        task = WeightedTorque(factor @ factor.T + np.eye(3), [1.0, 2.0, 3.0], [row, row], [-1.0, 1.0], tau_0=0.5)
+        scales = [answer.scale for answer in (task.closed_form(), task.solve(form=form))]
+        np.testing.assert_allclose(scales, 0.0, atol=1e-9)
