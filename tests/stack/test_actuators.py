@@ -119,3 +119,12 @@ def test_a_joint_whose_torque_limits_are_lifted_is_held_at_any_speed(side: float
     command = control.tick(0.0, q, v)
     assert command.status.ok, control.explain()
     assert command.tau[1] == 0.0 and np.abs(command.a).max() <= 1e-4, "no other joint has to carry it"
+
+
+def test_a_motor_that_leaves_no_torque_is_refused_by_the_component_that_speaks_of_it() -> None:
+    weak, sound = Saying(name="weak"), Saying(wbc.Overrides(motors={1: wbc.Motor()}), name="sound")
+    stack = wbc.Stack([Posture(ARM.q0)], subject_to=[TorqueLimits()], components=[weak, sound])
+    control = wbc.Controller(ARM, stack, level=wbc.InverseDynamics())
+    weak.now = wbc.Overrides(motors={0: wbc.Motor(offset=1e6)})
+    assert not control.tick(0.0, ARM.q0, 0 * ARM.q0).status.ok
+    assert control.why.startswith("weak.motors: joint 'shoulder_yaw' is left no torque")

@@ -125,8 +125,10 @@ class Applied:
                     raise NotSupported(f"{name} overrides torques, which the {self._level.name} does not decide")
             return None
         low, high = _given(*self._own_torque, share, offset)
-        if said:
-            name = next((name for name, overrides in reversed(said) if overrides.motors), said[0][0])
+        crossed = low > high
+        if crossed.any():
+            joint = int(crossed.argmax())
+            name = next(name for name, overrides in reversed(said) if joint in overrides.motors)
             self._refuse_crossed(f"{name}.motors", "torque", low, high)
         return self._overridden("torque", low, high, said)
 
