@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import wbc
-from tasks import JointVelocityLimits, Posture, TorqueLimits, feet
+from tasks import ContactSchedule, Edge, JointVelocityLimits, Posture, TorqueLimits, feet
 from wbc.stack.formulation import Formulation
 
 
@@ -52,3 +52,17 @@ def test_no_array_of_a_command_can_be_written(level: Formulation):
             with pytest.raises(ValueError, match="read-only"):
                 values[0] = 0.0
     assert made == ["solved", "hold", "damped"]
+
+
+def test_a_frame_of_two_contacts_names_neither_of_their_forces():
+    """A foot that stands flat or on its toe: by its frame the force would be of either."""
+    robot = wbc.load("humanoid")
+    left, right = feet(robot)
+    toe = Edge(left.frame, half_length=0.05, origin=(0.1, 0.0, 0.0), friction=0.5, name="toe")
+    schedule = ContactSchedule([(0.0, [left.name, right.name])])
+    stack = wbc.Stack([Posture(robot.q0)], contacts=[left, right, toe], components=[schedule])
+    f = wbc.Controller(robot, stack, level=wbc.InverseDynamics()).tick(0.0, robot.q0, np.zeros(robot.nv)).f
+    assert f[left.name][2] > 100.0 and (f["toe"] == 0.0).all() and f[right.frame] is f[right.name]
+    assert left.frame not in f and f.get(left.frame) is None
+    with pytest.raises(KeyError, match="did you mean"):
+        f[left.frame]

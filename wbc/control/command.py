@@ -31,7 +31,8 @@ class UnknownForce(UnknownContact, KeyError):
 
 @final
 class Forces(dict[str, Vec]):
-    """Contact wrenches by the contact's name or by its frame, force before moment, axes of the surface (z normal)."""
+    """Contact wrenches by the contact's name, or by its frame where no other contact has the same; force before moment,
+    axes of the surface (z normal)."""
 
     def __init__(self, wrenches: dict[str, Vec], frames: dict[str, str]) -> None:
         super().__init__(wrenches)

@@ -15,6 +15,7 @@ from wbc.qp.problem import QP
 from wbc.qp.rows import Outcome, RowSolver, solution_of
 from wbc.qp.solver import Solution, Solver
 from wbc.stack.component import Component
+from wbc.stack.contact import keys
 from wbc.stack.formulation import Formulation
 from wbc.stack.hierarchy import Hierarchy
 from wbc.stack.plan import Plan
@@ -68,7 +69,7 @@ class Solving:
         plans = Plans(state, stack, self._level, dt=self._dt, open_solver=self._open, prepared=prepared)
         self.plans, self._stack = plans, stack
         contacts = plans.whole.plan.stack.contacts
-        self.split_forces = partial(_split, {c.name: c.dim for c in contacts}, {c.frame: c.name for c in contacts})
+        self.split_forces = partial(_split, {c.name: c.dim for c in contacts}, dict(keys(contacts)))
         return state
 
     def _open(self, plan: Plan) -> RowSolver:
