@@ -91,6 +91,19 @@ def test_what_a_row_leaves_out_is_nan_and_minus_one_for_integers():
     assert run["status"].tolist() == [2, -1, 0] and run["status"].dtype == np.int64
 
 
+def test_integers_that_are_rounded_are_no_integers():
+    """Such as times in nanoseconds: a column of integers has what was given, to the last digit."""
+    for stamp in (2**53 - 1, 2**53, 1_764_400_000_123_456_789, 10**400):
+        recorder = Recorder(2)
+        if stamp > 1e300:
+            with pytest.raises(InvalidInput, match="column 'stamp' must hold numbers"):
+                recorder.append({"stamp": stamp})
+            continue
+        recorder.append({"stamp": stamp})
+        column = recorder.run()["stamp"]
+        assert column.dtype == (np.int64 if stamp < 2**53 else np.float64) and column[0] == float(stamp)
+
+
 def test_a_recorded_array_is_a_copy():
     recorder, q = Recorder(2), np.zeros(2)
     recorder.append({"q": q})

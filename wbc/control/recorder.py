@@ -231,10 +231,11 @@ class Run(Mapping[str, Column]):
 class Recorder:
     """Columns in memory set aside for ``capacity`` rows; the first row decides their names and shapes.
 
-    A value is a number or an array (k,). A column that a later row leaves out is NaN there (-1 for integers). A column
-    is of integers if that of the first row is one and all others are whole. More rows than ``capacity`` are kept too,
-    in further memory of that size; ``grown`` counts how often. Memory is set aside without being written, and no row is
-    ever moved, so that a loop in real time has no long tick for it.
+    A value is a number or an array (k,), kept as float64. A column that a later row leaves out is NaN there (-1 for
+    integers). A column is of integers if that of the first row is one and all others are whole and below 2^53, beyond
+    which they are rounded. More rows than ``capacity`` are kept too, in further memory of that size; ``grown`` counts
+    how often. Memory is set aside without being written, and no row is ever moved, so that a loop in real time has no
+    long tick for it.
 
     In a loop of your own call :meth:`tick` instead of the controller's: it times the tick and records it.
     :func:`wbc.report.save_report` makes a report of the run.
@@ -280,8 +281,8 @@ class Recorder:
         The first tick fixes the controller and, by its stack, the columns. If another stack replaces this one, only
         columns of these names and sizes are recorded.
 
-        ``more`` are columns of your own: numbers or arrays (k,), NaN where there is none. The first tick fixes their
-        names and sizes; a later one may leave some out. No name may be one that the recorder writes at some level
+        ``more`` are columns of your own: numbers or arrays (k,). The first tick fixes their names and sizes; later ones
+        may leave some out. No name may be one that the recorder writes at some level
         (:data:`wbc.control.ticks.COLUMNS`). What a plant knows may be added for reports: ``plant.q`` (nq,), ``plant.v``
         (nv,), ``plant.tau`` (nj,).
 
@@ -347,7 +348,7 @@ class Recorder:
                     np.concatenate(vectors, out=self._vectors[i])
                 self.rows += 1
                 return
-        except (KeyError, TypeError, ValueError):
+        except (KeyError, TypeError, ValueError, OverflowError):
             pass
         self._append_slowly(i, row)
 
@@ -412,8 +413,8 @@ class Recorder:
         wanted = self._shape(name)
         try:
             result = np.asarray(value, dtype=np.float64)
-        except (TypeError, ValueError) as cause:
-            raise InvalidInput(f"column {name!r} must hold numbers, not {value!r}") from cause
+        except (TypeError, ValueError, OverflowError) as cause:
+            raise InvalidInput(f"column {name!r} must hold numbers, not {checks.shown(value)}") from cause
         if result.shape != wanted:
             raise InvalidInput(f"column {name!r} has shape {wanted}, fixed by the first row; not {result.shape}")
         return result
@@ -432,9 +433,9 @@ class Recorder:
 
 
 def _whole(values: Vec) -> Column:
-    """``values`` as integers, where they are whole."""
+    """``values`` as integers, where they are whole and were not rounded."""
     missing = np.isnan(values)
-    if not (missing | (np.abs(values) < 2.0**63) & (np.rint(values) == values)).all():
+    if not (missing | (np.abs(values) < 2.0**53) & (np.rint(values) == values)).all():
         return values
     return np.where(missing, MISSING_INTEGER, values).astype(np.int64)
 
