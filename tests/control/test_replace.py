@@ -252,3 +252,22 @@ def test_a_record_goes_on_with_the_columns_that_both_stacks_have():
     assert run_.rows == 10 and np.isfinite(run_["v_cmd"]).all()
     assert np.isnan(run_["error.Posture"][4:]).all() and np.isfinite(run_["error.Posture"][:4]).all()
     assert "error.Position[tool]" not in run_.columns
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_of_a_stack_without_a_tick_nothing_is_said(level: Any, tmp_path: Any):
+    """Its problem is filled and not solved: it has no residuals, no active rows and no solution."""
+    control = wbc.Controller(ARM, wbc.Stack([Posture(ARM.q0 + 0.1)]), level=level)
+    said, kept = (control.tick(0.0, ARM.q0, np.zeros(ARM.nv)) for _ in range(2))
+    certificate = str(said.certificate)
+    control.replace(wbc.Stack([Posture(ARM.q0 - 0.1, name="other")]))
+    assert control.explain() == "no tick yet with the stack that replaced the one before"
+    with pytest.raises(InvalidInput, match="there is no tick yet with the stack"):
+        control.explain(save=tmp_path / "none.npz")
+    with pytest.raises(wbc.errors.WbcError, match="went on or began anew"):
+        _ = kept.solution
+    assert str(kept.certificate) == certificate, "of its own problem, whenever it is read"
+    control.tick(0.0, ARM.q0, np.zeros(ARM.nv))
+    assert "other" in control.explain()
+    control.reset()
+    assert control.explain() == "no tick yet"

@@ -203,11 +203,11 @@ class Command:
         """The QP's solution with multipliers and the full certificate; made on request.
 
         Raises:
-            WbcError: the controller has ticked since; read it before the next tick.
+            WbcError: the controller has ticked since, or has another stack; read it before.
         """
         if self._solution is None:
             if self._owner.serial != self._serial:
-                raise WbcError("the controller has ticked since; read command.solution before the next tick")
+                raise WbcError("the controller went on or began anew; read command.solution before the next tick")
             self._solution = self._owner.solution()
         return self._solution
 

@@ -70,7 +70,8 @@ class Controller(Solving):
     """
 
     __slots__ = (
-        "_acceleration", "_former", "_kept", "_solved", "_started", "components", "fallbacks", "measured", "watch",
+        "_acceleration", "_former", "_kept", "_replaced", "_solved", "_started", "components", "fallbacks", "measured",
+        "watch",
     )  # fmt: skip
 
     #: The plan that the tick before was solved with.
@@ -81,6 +82,8 @@ class Controller(Solving):
     _acceleration: Vec
     _started: bool
     _kept: Sequence[Component]
+    #: ``serial`` when the stack was replaced last.
+    _replaced: int
     #: What the last tick was given.
     measured: Measured
 
@@ -167,6 +170,8 @@ class Controller(Solving):
             self.plan.observe()
         self.components = stack.components
         self._started, self._solved, self.fallbacks.good = False, None, None
+        self.serial += 1
+        self._replaced = self.serial
         self.use(self.plans.whole)
 
     def __repr__(self) -> str:
@@ -175,6 +180,8 @@ class Controller(Solving):
     def reset(self) -> None:
         """Forget everything: contacts are made anew at the next tick, components and bounds start again."""
         self.ticks = 0
+        self.serial += 1
+        self._replaced = -1
         self.why = ""
         self.last = None
         self.status = Status.FAILED
@@ -357,11 +364,15 @@ class Controller(Solving):
         file for the QP of that tick; ``wbc explain FILE`` says the same of it.
 
         Raises:
-            InvalidInput: the file cannot be written, or there is no QP: no tick yet, or a tick in an invalid state.
+            InvalidInput: the file cannot be written, or there is no QP: no tick yet with this stack, or a tick in an
+                invalid state.
         """
+        is_replaced = self.ticks > 0 and self._replaced == self.serial
+        none = "no tick yet with the stack that replaced the one before" if is_replaced else "no tick yet"
+        is_first = is_replaced or self.ticks == 0
         if save is not None:
-            if self.ticks == 0 or self.status is Status.INVALID_STATE:
-                why = f"the state of the last tick is invalid: {self.why}" if self.ticks else "there is no tick yet"
+            if is_first or self.status is Status.INVALID_STATE:
+                why = f"there is {none}" if is_first else f"the state of the last tick is invalid: {self.why}"
                 raise InvalidInput(f"there is no problem that could be saved: {why}")
             reproducer(self).save(save)
-        return explain(self)
+        return none if is_first else explain(self)

@@ -30,8 +30,6 @@ def explain(controller: Solving) -> str:
     Every task: the error it sees, the residual ‖wanted − got‖ of its rows and its share of the cost ½ Σ wᵢ rᵢ².
     Every active row: on which side it holds, and the multiplier, the cost per unit of its bound.
     """
-    if controller.ticks == 0:
-        return "no tick yet"
     head = f"tick {controller.ticks} at t = {controller.state.t:.3f} s: {controller.status}"
     if not controller.status.ok:
         lines = [head, *_failure(controller)]
