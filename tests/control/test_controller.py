@@ -370,6 +370,27 @@ def test_a_problem_that_there_is_not_is_not_saved(arm: Any, tmp_path: Any) -> No
     assert file.exists()
 
 
+def test_a_tick_without_a_problem_is_not_explained_by_the_rows_of_the_tick_before(arm: Any, tmp_path: Any) -> None:
+    """Two rows that contradict each other say nothing of the tick after, in which a sensor fails."""
+
+    def high(t: float) -> list[float]:
+        if t > 1.5:
+            raise ValueError("camera lost")
+        return [0.4, 0.2, 4.0]
+
+    exact = Position("tool", target=high, kp=400.0, name="high").exactly()
+    stack = wbc.Stack([Posture(arm.q0)], subject_to=[exact, JointVelocityLimits(1e-2)])
+    control, q = wbc.Controller(arm, stack, level=wbc.VelocityLevel()), arm.q0
+    for broken in (q, np.full(7, np.nan)):
+        control.tick(1.0, q, np.zeros(7))
+        assert "cannot hold together" in control.explain()
+        control.tick(2.0, broken, np.zeros(7))
+        text = control.explain()
+        assert control.why in text and "cannot hold together" not in text and "against" not in text
+        with pytest.raises(InvalidInput, match="no problem that could be saved"):
+            control.explain(save=tmp_path / "none.npz")
+
+
 def test_a_task_that_is_done_in_part_is_as_near_as_its_direction_and_its_share_are_proved_to_be(arm: Any) -> None:
     reach = Position("tool", target=[1.5, 1.2, 0.8], weight=[4.0, 9.0, 16.0])
     stack = wbc.Stack([[reach], [Posture(arm.q0)]], subject_to=[JointVelocityLimits()])

@@ -364,15 +364,16 @@ class Controller(Solving):
         file for the QP of that tick; ``wbc explain FILE`` says the same of it.
 
         Raises:
-            InvalidInput: the file cannot be written, or there is no QP: no tick yet with this stack, or a tick in an
-                invalid state.
+            InvalidInput: the file cannot be written, or there is no QP: no tick yet with this stack, a tick in an
+                invalid state, or one in which a member failed.
         """
         is_replaced = self.ticks > 0 and self._replaced == self.serial
         none = "no tick yet with the stack that replaced the one before" if is_replaced else "no tick yet"
         is_first = is_replaced or self.ticks == 0
         if save is not None:
-            if is_first or self.status is Status.INVALID_STATE:
-                why = f"there is {none}" if is_first else f"the state of the last tick is invalid: {self.why}"
+            if is_first or not self.has_problem:
+                of = "state of the last tick is invalid" if self.status is Status.INVALID_STATE else "last tick failed"
+                why = f"there is {none}" if is_first else f"the {of}: {self.why}"
                 raise InvalidInput(f"there is no problem that could be saved: {why}")
             reproducer(self).save(save)
         return none if is_first else explain(self)

@@ -69,7 +69,7 @@ def conflict_of(controller: Solving) -> Conflict | None:
 
     Looked for whatever the solver said of a problem that it did not solve: some stop at an iteration limit.
     """
-    if controller.status.ok:
+    if controller.status.ok or not controller.has_problem:
         return None
     plan, qp = controller.plan, controller.qp
     try:

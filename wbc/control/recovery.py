@@ -144,11 +144,13 @@ class FallbackSequence:
     @np.errstate(all="ignore")
     def invalid(self) -> Command:
         """The command for a state that cannot be right."""
+        self._controller.unposed = self._controller.serial
         return self._fail(Status.INVALID_STATE, self._expected())
 
     @np.errstate(all="ignore")
     def failed(self, moment: Vec) -> Command:
         """The command of a tick in which a member failed, so that there is no problem to solve: hold, or brake."""
+        self._controller.unposed = self._controller.serial
         return self._fail(Status.FAILED, moment)
 
     def spoilt(self, command: Command, why: str) -> None:

@@ -33,7 +33,7 @@ class Solving:
 
     __slots__ = (
         "_dt", "_hierarchy", "_level", "_solver", "_stack", "answering", "last", "mode", "model", "plan", "plans",
-        "serial", "split_forces", "state", "status", "ticks", "why",
+        "serial", "split_forces", "state", "status", "ticks", "unposed", "why",
     )  # fmt: skip
 
     #: How the last tick ended, why it is not simply solved, and its command.
@@ -44,6 +44,8 @@ class Solving:
     ticks: int
     #: Counts all ticks ever made; ``ticks`` starts again with ``reset``.
     serial: int
+    #: ``serial`` of the last tick without a problem: its state was invalid, or a member failed.
+    unposed: int
     #: The solver that was used last: the solution of the tick is in its memory.
     answering: RowSolver
     #: Makes contact forces (nf,) wrenches by contact name.
@@ -55,7 +57,7 @@ class Solving:
         self.model, self._level, self._dt = robot, level, dt
         self._hierarchy, self._solver = hierarchy, solver
         self.state = self.compile(stack)
-        self.serial = 0
+        self.serial, self.unposed = 0, -1
 
     def compile(self, stack: Stack, prepared: Sequence[Component] = ()) -> RobotState:
         """Make plans and solvers of a stack; where that raises, those before stay. Components ``prepared`` go on.
@@ -146,6 +148,11 @@ class Solving:
         return Command(self, status, fallback_level, proof, moment, None, motion, tau, forces)
 
     # ---- what others read
+    @property
+    def has_problem(self) -> bool:
+        """Whether there was one in the last tick; else what is in memory is that of a tick before."""
+        return self.unposed != self.serial
+
     @property
     def qp(self) -> QP:
         """The last tick's QP in standard form, a copy; ``plan.qp`` is the same in memory that the next call reuses.

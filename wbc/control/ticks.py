@@ -158,7 +158,7 @@ class Ticks:
         controller = self.controller
         if self.failure is None and not controller.status.ok:
             self.failure = {"t": t, "why": controller.explain()}
-            self.failed = None if controller.status is Status.INVALID_STATE else reproducer(controller)
+            self.failed = reproducer(controller) if controller.has_problem else None
 
 
 def about(controller: Controller) -> dict[str, Any]:
