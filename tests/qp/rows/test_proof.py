@@ -157,3 +157,22 @@ def test_the_verdict_in_the_loop_is_that_of_the_numbers_it_reports() -> None:
 def test_a_relaxed_problem_keeps_its_linear_cost() -> None:
     qp = wbc.QP([[1.0, 0.0], [0.0, 1.0]], [0.0, -2.0], A=[[1.0, 0.0]], b=[3.0], ub=[1.0, 9.0])
     assert wbc.solve(relaxed(qp, [0], share=1e-4)).x[:2] == pytest.approx([1.0, 2.0], abs=1e-3)
+
+
+@given(seed=st.integers(0, 10**6), share=st.sampled_from([0.3, 1.0]))
+def test_a_task_without_weight_takes_no_part_of_what_is_left_of_the_gradient(seed: int, share: float) -> None:
+    """Rows without weight that the answer meets would else explain any distance from the optimum."""
+    p, rng = free_problem(seed, 1.0), np.random.default_rng(seed)
+    p.weights[rng.random(p.n_soft) < share] = 0.0
+    best = optimum(p)
+    move_to(p, best + rng.normal(size=p.n_y))
+    p.G[p.soft, p.n] -= np.where(p.weights == 0.0, p.value[p.first_row :][p.soft], 0.0)
+    move_to(p, p.x[p.n_u :].copy())
+    judge, push = CoreSolver(p), np.zeros(p.n_rows)
+    push[p.soft] = p.weights / p.unit * p.value[p.first_row :][p.soft]
+    plain = judge.certify(push)
+    found = judge.certify(judge.sharpened())
+    assert found.distance <= plain.distance * (1.0 + 1e-9)
+    for j in range(p.n_y):
+        off = abs(p.x[p.n_u + j] - best[j]) * p.scale[p.n_u + j]
+        assert off <= found.bounds[p.rows[p.n_rows + p.n_u + j].owner] * (1.0 + 1e-6) + 1e-9

@@ -19,7 +19,7 @@ from wbc.qp.rows.compiled.work import INACCURATE, INFEASIBLE, LAYOUT, ROWS, SOLV
 from wbc.qp.rows.problem import RowProblem
 from wbc.qp.rows.proof import NUMBERS, owners_of, proven
 from wbc.qp.rows.solver import RowSolver
-from wbc.tolerances import SHARP, TINY
+from wbc.tolerances import SHARP
 from wbc.types import Index, Status, Vec
 
 #: Products in the row form, above which the form in the unknowns is cheaper whatever their numbers.
@@ -70,7 +70,7 @@ class CoreSolver(RowSolver):
         return self.concluded(answer(self.address))
 
     def concluded(self, code: int) -> Status:
-        guesses, steps = self._sizes.item(7), self._sizes.item(8)
+        guesses, steps = self.work
         self.iterations = guesses + steps
         self.counts.add(guesses, steps)
         status = _ANSWERED.get(code)
@@ -112,17 +112,18 @@ class CoreSolver(RowSolver):
         """The pushes certified last, those of the tasks changed so that the bound is the least.
 
         (S D⁻¹ Sᵀ + W⁻¹) δπ = ρ − S D⁻¹ r_D, with u eliminated from S, for an answer that comes without pushes of tasks.
+        S are the rows that have a weight: one without cannot push.
         """
-        p, n, n_u = self.problem, self.problem.n, self.problem.n_u
-        rows, weights, push = p.G[p.soft, n_u:n], p.weights / p.unit, self.push.copy()
-        compliance = np.divide(1.0, weights, out=np.zeros(p.n_soft), where=weights > 0.0)
-        rho = p.value[p.first_row :][p.soft] - push[p.soft] * compliance
+        p, n, n_u, push = self.problem, self.problem.n, self.problem.n_u, self.push.copy()
+        own = p.soft.start + np.flatnonzero(p.weights)
+        rows, compliance = p.G[own, n_u:n], 1.0 / (p.weights[p.weights > 0.0] / p.unit)
+        rho = p.value[p.first_row + own] - push[own] * compliance
         if n_u:
-            rows = rows - p.G[p.soft, :n_u] @ np.linalg.solve(p.G[:n_u, :n_u], p.G[:n_u, n_u:n])
+            rows = rows - p.G[own, :n_u] @ np.linalg.solve(p.G[:n_u, :n_u], p.G[:n_u, n_u:n])
         shifted = rows * ((self.z[n_u:] == 0.0) / p.metric)
         K = shifted @ rows.T
-        K.flat[:: len(K) + 1] += np.maximum(compliance, TINY)
-        push[p.soft] += np.linalg.lstsq(K, rho - shifted @ self.left, rcond=None)[0]
+        K.flat[:: len(K) + 1] += compliance
+        push[own] += np.linalg.lstsq(K, rho - shifted @ self.left, rcond=None)[0]
         return push
 
     def multipliers(self) -> tuple[Vec, Vec, Vec]:
