@@ -300,7 +300,7 @@ def test_levels_remember_no_bound_of_the_tick_before(seed: int) -> None:
         command = controller.tick(1e-3 * k, q, v)
         fresh = hierarchy.open(controller.plan.problem, controller.solver)
         if fresh.solve().ok and solver.solve().ok:
-            for mine, other in zip(solver.outcomes, fresh.outcomes, strict=True):
+            for mine, other in zip(solver.report(), fresh.report(), strict=True):
                 assert mine.residual == pytest.approx(other.residual, rel=1e-6, abs=1e-6)
         q, v = command.q, command.v
 

@@ -176,7 +176,7 @@ class Solving:
     @property
     def levels(self) -> tuple[Outcome, ...]:
         """How the levels came out in the last answer; () under ``Weighted``, which has none."""
-        return self.answering.outcomes
+        return self.answering.report()
 
     @property
     def counts(self) -> Any:

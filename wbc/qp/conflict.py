@@ -26,8 +26,8 @@ from wbc.qp.problem import QP, Row, Shape
 from wbc.qp.proof import contradiction
 from wbc.tolerances import MET
 
-#: Owners of rows that nothing can loosen: the equations of motion.
-PHYSICS = frozenset({"base dynamics"})
+#: The owner of rows that nothing can loosen: the equations of motion.
+PHYSICS = "base dynamics"
 #: How the owners of a contact's rows begin.
 _CONTACTS = ("contact[", "friction[", "force[")
 
@@ -86,11 +86,10 @@ class Conflict:
         return f"{first} against {against}: enough would be {'; or '.join(str(give) for give in told)}"
 
 
-def conflict(qp: QP, *, held: frozenset[str] = PHYSICS) -> Conflict | None:
+def conflict(qp: QP) -> Conflict | None:
     """An irreducible set of rows and bounds that cannot hold together; None where all can (to 1e-6 of their units).
 
-    Rows whose owner is in ``held`` are equations of motion: they always hold, and are not named. The same QP gives the
-    same answer, bit for bit.
+    The equations of motion always hold, and are not named. The same QP gives the same answer, bit for bit.
 
     Raises:
         InvalidProblem: as :meth:`QP.check`.
@@ -104,7 +103,7 @@ def conflict(qp: QP, *, held: frozenset[str] = PHYSICS) -> Conflict | None:
         floor: z against ceiling: z: enough would be floor: z 2 m lower; or ceiling: z 2 m higher
     """
     qp.check()
-    kinds = np.array([_kind(qp, i, held) for i in range(len(qp.rows))])
+    kinds = np.array([_kind(qp, i) for i in range(len(qp.rows))])
     kept = np.ones(len(qp.rows), dtype=bool)
     push = contradiction(_of_rows(qp, kept), MET)
     for kind in range(3):
@@ -121,10 +120,10 @@ def conflict(qp: QP, *, held: frozenset[str] = PHYSICS) -> Conflict | None:
     return Conflict(tuple(Violation(qp.rows[i], float(-beta / push[i])) for i in items), items) if items else None
 
 
-def _kind(qp: QP, item: int, held: frozenset[str]) -> int:
+def _kind(qp: QP, item: int) -> int:
     """Equalities 0, contacts 1, limits 2, equations of motion 3."""
     owner = qp.rows[item].owner
-    if item < qp.n_eq and owner in held:
+    if item < qp.n_eq and owner == PHYSICS:
         return _HELD
     if owner.startswith(_CONTACTS):
         return 1

@@ -133,15 +133,15 @@ class QP:
             object.__setattr__(self, name, value)
 
     @classmethod
-    def empty(cls, shape: Shape, rows: Sequence[Row] | None = None, tasks: Sequence[Objective] = ()) -> QP:
-        """Memory for a QP of this shape, NaN where something has still to be written; ``tasks`` as they are."""
+    def empty(cls, shape: Shape, rows: Sequence[Row] | None = None) -> QP:
+        """Memory for a QP of this shape, NaN where something has still to be written."""
         n, n_eq, n_in = shape
         nan, m = np.nan, n_eq + n_in
         qp = object.__new__(cls)
         qp._set(
             H=np.full((n, n), nan), g=np.full(n, nan), matrix=np.full((m, n), nan),
             sides=np.array([[nan] * m + [-np.inf] * n, [nan] * m + [np.inf] * n]),
-            n_eq=n_eq, rows=_named(rows, n, n_eq, n_in), tasks=tuple(tasks),
+            n_eq=n_eq, rows=_named(rows, n, n_eq, n_in), tasks=(),
         )  # fmt: skip
         return qp
 

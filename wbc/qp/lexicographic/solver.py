@@ -21,7 +21,6 @@ from wbc.qp.certificate import TOLERANCE, Certificate
 from wbc.qp.lexicographic.parts import Pull, Stage
 from wbc.qp.rows import RowProblem, RowSolver
 from wbc.qp.rows.row_task import NOT_OPTIMISED, WEIGHTED, Outcome
-from wbc.qp.rows.solver import nothing
 from wbc.tolerances import DISTANCE
 from wbc.types import Index, Status, Vec
 
@@ -60,7 +59,7 @@ class LexicographicSolver(RowSolver):
         self.reset()
 
     def reset(self) -> None:
-        self.report = nothing
+        self.report = tuple
         self._weighed = False
         self.levels.reset()
         if self._leave is not None:

@@ -39,7 +39,7 @@ _NO_CURVATURE = 1e-22
 
 @final
 class DenseSteps:
-    """Memory of the core for QPs of one shape, and the working set of the last step.
+    """Memory of ``core`` for QPs of one shape, and the working set of the last step.
 
     Example:
         >>> import numpy as np, wbc
@@ -55,7 +55,7 @@ class DenseSteps:
         n, n_eq, n_in = shape
         names = [Row("z")] * (n_in + n + n_eq + n)
         self._problem = RowProblem(0, n, n_range=n_in + n, n_soft=0, n_equal=n_eq, rows=names, regularisation=0.0)
-        self._core = CoreSolver(self._problem)
+        self.core = CoreSolver(self._problem)
         self._identity, self._curved = np.eye(n), n
 
     def read(self, qp: QP) -> None:
@@ -99,13 +99,13 @@ class DenseSteps:
             np.subtract(own[n_eq:], values[n_eq:], out=side)
             side *= self._share[:m]
         np.multiply(values[:n_eq] - qp.upper[:n_eq], self._share[m:], out=p.G[m:, n])
-        status = self._core.solve()
-        force = cost * self._share * self._core.push
+        status = self.core.solve()
+        force = cost * self._share * self.core.push
         box = force[n_in:m]
         x = np.clip(at + self._T.dot(p.x), qp.lb, qp.ub)
         x = np.where(box > 0.0, qp.ub, np.where(box < 0.0, qp.lb, x))
         force *= self._has_cost  # where there is none, every point of the set is an optimum, and nothing pushes
-        return Answer(status, x, force[m:], force[:n_in], box, self._core.iterations)
+        return Answer(status, x, force[m:], force[:n_in], box, self.core.iterations)
 
     def name(self, qp: QP, answer: Answer) -> None:
         """Guess as held what ``answer`` pushes on by more than the room left; no more than can be independent."""
@@ -117,18 +117,9 @@ class DenseSteps:
         push = np.abs(force) / (self._size**2 * share)
         held = np.flatnonzero((force != 0.0) & (push >= room))
         held = held[np.argsort(-push[held], kind="stable")[: max(n - n_eq, 0)]]
-        self._core.guess(self._core.places[n + held], np.sign(force[held]))
-
-    @property
-    def work(self) -> tuple[int, int]:
-        """Guesses of the last step, and steps of the finite method after them."""
-        return self._core.work
+        self.core.guess(self.core.places[n + held], np.sign(force[held]))
 
     @property
     def has_flat(self) -> bool:
         """Whether the cost is flat along some variable."""
         return self._curved < len(self._identity)
-
-    def forget(self) -> None:
-        """Guess nothing."""
-        self._core.reset()

@@ -36,8 +36,8 @@ class RowSolver(ABC):
         self.iterations = 0
         #: Says what is proven of the last answer, also later.
         self.proof: Callable[[], Certificate] = partial(Certificate, float("nan"), float("nan"), float("nan"))
-        #: Says how what was ranked came out in the last answer, also later; nothing where nothing is ranked.
-        self.report: Callable[[], tuple[Outcome, ...]] = nothing
+        #: Says how what was ranked came out in the last answer, also later: () where nothing is ranked.
+        self.report: Callable[[], tuple[Outcome, ...]] = tuple
 
     @property
     def certificate(self) -> Certificate:
@@ -47,11 +47,6 @@ class RowSolver(ABC):
     @certificate.setter
     def certificate(self, known: Certificate) -> None:
         self.proof = lambda: known
-
-    @property
-    def outcomes(self) -> tuple[Outcome, ...]:
-        """How what was ranked came out in the last answer."""
-        return self.report()
 
     @abstractmethod
     def solve(self) -> Status:
@@ -114,8 +109,3 @@ class RowSolver(ABC):
     def answer(self) -> Vec:
         """x of the standard form for the answer just found."""
         return self.answered.x * self.answered.scale
-
-
-def nothing() -> tuple[Outcome, ...]:
-    """How the levels came out of what has none."""
-    return ()

@@ -21,6 +21,43 @@ _HERE: dict[str, Any] = {}
 
 
 @final
+class GuardedSession(Session):
+    """The pool of one worker. ``ended`` counts the processes that did not answer in time."""
+
+    def __init__(self, solver: Guarded, shape: Shape) -> None:
+        super().__init__(solver, shape)
+        self._inner, self._seconds = solver.solver, solver.seconds
+        self.ended = 0
+        self._start()
+        self._ready.wait(60.0)  # while building there is time; in a solve nobody waits for a process to start
+
+    def _start(self) -> None:
+        self._pool = multiprocessing.get_context("spawn").Pool(1, _open, (self._inner, self.shape))
+        self._ready: AsyncResult[int] = self._pool.apply_async(len, ((),))
+
+    def _solve(self, qp: QP) -> Answer:
+        if self._ready.ready():
+            try:
+                return self._pool.apply_async(_answered, _numbers(qp)).get(self._seconds)
+            except multiprocessing.TimeoutError:  # it hangs, or it died
+                self.ended += 1
+                self.close()
+                self._start()
+            except Exception:  # whatever the back end raises, there is no answer
+                pass
+        return Answer.none(self.shape, Status.FAILED)
+
+    def close(self) -> None:
+        """End the process."""
+        self._pool.terminate()
+        self._pool.join()
+
+    def __del__(self) -> None:
+        if hasattr(self, "_pool"):
+            self._pool.terminate()
+
+
+@final
 @dataclass(frozen=True)
 class Guarded(Solver):
     """``solver`` in a process of its own. Costs some tenths of a millisecond; opening it takes the start of a process.
@@ -39,6 +76,8 @@ class Guarded(Solver):
         'guarded proxqp'
     """
 
+    session = GuardedSession
+
     solver: Solver
     seconds: float = 1e-2
     name: str = field(init=False)
@@ -48,49 +87,6 @@ class Guarded(Solver):
         for attribute in ("requires", "package", "tolerance", "semidefinite", "repeatable", "offline"):
             object.__setattr__(self, attribute, getattr(self.solver, attribute))
         object.__setattr__(self, "name", f"guarded {self.solver.name}")
-
-    def open(self, shape: Shape) -> GuardedSession:
-        self.require()
-        return GuardedSession(self, shape)
-
-
-@final
-class GuardedSession(Session):
-    """The pool of one worker. ``ended`` counts the processes that did not answer in time."""
-
-    def __init__(self, solver: Guarded, shape: Shape) -> None:
-        super().__init__(solver, shape)
-        self._inner, self._seconds = solver.solver, solver.seconds
-        self.ended = 0
-        self._start()
-        self._ready.wait(60.0)  # while building there is time; in a solve nobody waits for a process to start
-
-    def _start(self) -> None:
-        self._pool = multiprocessing.get_context("spawn").Pool(1, _open, (self._inner, self.shape))
-        self._ready: AsyncResult[int] = self._pool.apply_async(len, ((),))
-
-    def _solve(self, qp: QP) -> Answer:
-        none = Answer.none(self.shape, Status.FAILED)
-        if not self._ready.ready():
-            return none
-        try:
-            return self._pool.apply_async(_answered, _numbers(qp)).get(self._seconds)
-        except multiprocessing.TimeoutError:  # it hangs, or it died
-            self.ended += 1
-            self.close()
-            self._start()
-        except Exception:  # whatever the back end raises, there is no answer
-            return none
-        return none
-
-    def close(self) -> None:
-        """End the process."""
-        self._pool.terminate()
-        self._pool.join()
-
-    def __del__(self) -> None:
-        if hasattr(self, "_pool"):
-            self._pool.terminate()
 
 
 def _numbers(qp: QP) -> tuple[Mat | Vec, ...]:

@@ -25,12 +25,12 @@ class PdasSession(Session):
     """The working set between solves, and what came of the guesses in ``counts``."""
 
     def reset(self) -> None:
-        self._steps.forget()
+        self._steps.core.reset()
 
     def _solve(self, qp: QP) -> Answer:
         self._steps.read(qp)
         answer = self._steps.step(qp, np.zeros(qp.n))
-        self.counts.add(*self._steps.work)
+        self.counts.add(*self._steps.core.work)
         return answer
 
     def _improved(self, qp: QP, answer: Answer, proof: Certificate) -> tuple[Answer, Certificate]:
