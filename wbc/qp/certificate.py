@@ -150,11 +150,10 @@ def certificate(qp: QP, x: Vec, y: Vec, z: Vec, z_box: Vec, *, tolerance: float 
         >>> certificate(qp, np.array([2.0]), np.zeros(0), np.zeros(0), np.array([-2.0])).ok
         True
     """
-    everything = np.concatenate([x, y, z, z_box])
-    if not moderate(everything):
+    force = np.concatenate([y, z, z_box])
+    if not (moderate(x) and moderate(force)):
         return Certificate.none()
     m = len(qp.lower)
-    force = np.concatenate([y, z, z_box])
     values = np.concatenate([qp.matrix.dot(x), x])
     over, under = values - qp.sides[1], qp.sides[0] - values
     violation = np.maximum(over, under)

@@ -109,10 +109,8 @@ class Session(ABC):
         if not proof.within(FINE * tolerance):
             answer, proof = self._improved(qp, answer, proof)
         elapsed = perf_counter() - start
-        status, reason = answer.status, ""
-        if proof.within(tolerance):
-            status = Status.SOLVED
-        else:
+        status, reason = Status.SOLVED, ""
+        if not proof.within(tolerance):
             status, reason = _verdict(qp, answer.status, proof, tolerance)
             if status in (Status.INFEASIBLE, Status.UNBOUNDED):
                 answer, proof = Answer.none(qp.shape, status, answer.iterations), Certificate.none()
@@ -130,9 +128,8 @@ def _verdict(qp: QP, claimed: Status, proof: Certificate, tolerance: float) -> t
         return Status.UNBOUNDED, "the cost falls for ever along a direction that no row or bound ends"
     if claimed in (Status.INFEASIBLE, Status.UNBOUNDED):
         return Status.FAILED, f"the solver says {claimed}, and no proof of that was found"
-    if not proof.level < np.inf:
-        return (Status.INACCURATE if claimed.ok else claimed), "the solver gave no finite answer"
-    return (Status.INACCURATE if claimed.ok else claimed), proof.fault(tolerance)
+    why = proof.fault(tolerance) if proof.level < np.inf else "the solver gave no finite answer"
+    return (Status.INACCURATE if claimed.ok else claimed), why
 
 
 class Solver(ABC):

@@ -63,17 +63,16 @@ def lexicographic(
     for i, (A, _, _) in enumerate(named):
         if A.shape[1] != n:
             raise InvalidProblem(f"levels[{i}]: A has {A.shape[1]} columns, that of levels[0] has {n}")
-    low, high = _bounds("lb", lb, n, -np.inf), _bounds("ub", ub, n, np.inf)
-    QP(np.eye(n), np.zeros(n), lb=low, ub=high)  # refuses bounds that leave nothing
+    box = QP(np.eye(n), np.zeros(n), lb=lb, ub=ub)  # refuses bounds that leave nothing
     by_name(solver)  # refuses what does not exist
-    return _judged(_solve(named, low, high))
+    return _judged(_solve(named, box.lb, box.ub))
 
 
 def _judged(answer: Solution) -> Solution:
     """SOLVED exactly with a certificate. Where only bounds are hard there is an answer, and it is never infeasible."""
     if answer.status.ok and not answer.certificate.ok:
         return replace(answer, status=Status.INACCURATE, reason=answer.certificate.fault())
-    status = Status.FAILED if answer.status in (Status.INFEASIBLE, Status.UNBOUNDED) else answer.status
+    status = Status.FAILED if answer.status is Status.INFEASIBLE else answer.status
     return answer if status.ok else replace(answer, status=status, reason="a level has no certificate")
 
 
@@ -101,12 +100,6 @@ def _level(i: int, A: Any, lo: Any, hi: Any) -> tuple[Mat, Vec, Vec]:
     return A, sides[0], sides[1]
 
 
-def _bounds(name: str, value: Any, n: int, none: float) -> Vec:
-    if value is None:
-        return np.full(n, none)
-    return checks.array(name, value, (n,), finite=False, error=InvalidProblem)
-
-
 def _solve(levels: list[tuple[Mat, Vec, Vec]], low: Vec, high: Vec) -> Solution:
     A, lo, hi = (np.concatenate([level[i] for level in levels]) for i in range(3))
     ends, n = np.cumsum([0] + [len(level[1]) for level in levels]), len(low)
@@ -121,8 +114,7 @@ def _solve(levels: list[tuple[Mat, Vec, Vec]], low: Vec, high: Vec) -> Solution:
     status = ranked.solve()
     elapsed = perf_counter() - start
     if not status.ok and status is not Status.INACCURATE:
-        none = Answer.none(Shape(n, 0, len(lo)), status)
-        proof = Certificate.none()
+        none, proof = Answer.none(Shape(n, 0, len(lo)), status), Certificate.none()
         return Solution(status, none.x, none.y, none.z, none.z_box, proof, ranked.iterations, 0.0, elapsed, _CORE)
     x, z = rows.x[:n].copy(), np.zeros(len(lo))
     y, z[~equal], box = ranked.multipliers()

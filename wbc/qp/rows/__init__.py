@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from wbc.qp.answer import Answer, Counts, Solution
-from wbc.qp.certificate import certificate
 from wbc.qp.problem import QP
 from wbc.qp.rows.problem import RowProblem
 from wbc.qp.rows.row_task import Outcome, RowTask
@@ -29,10 +28,6 @@ def open_rows(problem: RowProblem, solver: Solver) -> RowSolver:
 
 def solution_of(solver: RowSolver, qp: QP, status: Status) -> Solution:
     """The solution of the standard form ``qp``, with the full certificate recomputed from its data."""
-    if not status.ok:
-        answer = Answer.none(qp.shape, status)
-        x, y, z, z_box = answer.x, answer.y, answer.z, answer.z_box
-    else:
-        x, (y, z, z_box) = solver.answer(), solver.multipliers()
-    proof = certificate(qp, x, y, z, z_box)
-    return Solution(status, x, y, z, z_box, proof, solver.iterations, solver=solver.form)
+    found = Answer(status, solver.answer(), *solver.multipliers()) if status.ok else Answer.none(qp.shape, status)
+    proof = found.certificate(qp)
+    return Solution(status, found.x, found.y, found.z, found.z_box, proof, solver.iterations, solver=solver.form)

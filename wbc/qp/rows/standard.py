@@ -11,7 +11,7 @@ from wbc.qp.certificate import TOLERANCE, Certificate
 from wbc.qp.rows.core import CoreSolver
 from wbc.qp.rows.problem import RowProblem
 from wbc.qp.rows.solver import RowSolver
-from wbc.qp.solver import Solution, Solver
+from wbc.qp.solver import Answer, Solution, Solver
 from wbc.types import Index, Status, Vec
 
 
@@ -26,21 +26,18 @@ class StandardSolver(RowSolver):
 
     def __init__(self, problem: RowProblem, solver: Solver) -> None:
         super().__init__(problem)
-        self.solver = solver
         self.qp = problem.empty_qp()
         self.session = solver.open(self.qp.shape)
-        self.solution: Solution | None = None
+        self.solution: Solution | Answer = Answer.none(self.qp.shape, Status.FAILED)
         self._judge, self._push = CoreSolver(problem), np.zeros(problem.n_rows)
         self.counts = self.session.counts  # a session that guesses counts; for others they stay zero
 
     def solve(self) -> Status:
-        p = self.problem
-        p.write_qp(self.qp)
-        self.solution = None
+        self.problem.write_qp(self.qp)
         try:
             solution = self.session.solve(self.qp)
         except InvalidProblem:  # NaN or crossed bounds reached the rows: the controller falls back
-            self.certificate = Certificate.none()
+            self.solution, self.certificate = Answer.none(self.qp.shape, Status.FAILED), Certificate.none()
             return Status.FAILED
         self.solution = solution
         self.certificate, self.iterations = solution.certificate, solution.iterations
@@ -70,15 +67,12 @@ class StandardSolver(RowSolver):
         self.session.reset()
 
     def multipliers(self) -> tuple[Vec, Vec, Vec]:
-        if self.solution is None:
-            n, n_eq, n_in = self.qp.shape
-            return np.full(n_eq, np.nan), np.full(n_in, np.nan), np.full(n, np.nan)
         return self.solution.y, self.solution.z, self.solution.z_box
 
     def working_set(self) -> tuple[Index, Vec]:
         """Items whose multiplier exceeds the distance to the bound that it pushes on, and the side of that."""
-        if self.solution is None or not self.certificate.primal < TOLERANCE:
-            return np.zeros(0, np.intp), np.zeros(0)
+        if not self.certificate.primal < TOLERANCE:
+            return super().working_set()
         p = self.problem
         force = np.concatenate([self.solution.z_box * p.scale, self.solution.z]) / p.unit
         items = np.concatenate([np.arange(p.n), np.arange(p.item(p.range.start), p.item(p.range.stop))])

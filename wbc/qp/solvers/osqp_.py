@@ -31,16 +31,12 @@ class OsqpSession(KeptSession):
         self._cost, self._rows = Pattern(n, n), Pattern(m + n, n)
         self._upper_H = np.zeros((n, n))
         self._matrix = np.concatenate([np.zeros((m, n)), np.eye(n)])
-        self._lower, self._upper = np.empty(m + n), np.empty(m + n)
+        self._sides = np.empty((2, m + n))
 
     def _write(self, qp: QP) -> bool:
-        m, lower, upper = len(qp.lower), self._lower, self._upper
         self._upper_H = np.triu(qp.H)
-        self._matrix[:m] = qp.matrix
-        np.maximum(qp.lower, -INFINITY, out=lower[:m])
-        np.maximum(qp.lb, -INFINITY, out=lower[m:])
-        np.minimum(qp.upper, INFINITY, out=upper[:m])
-        np.minimum(qp.ub, INFINITY, out=upper[m:])
+        self._matrix[: len(qp.matrix)] = qp.matrix
+        self._sides = np.clip(qp.sides, -INFINITY, INFINITY)
         same_cost, same_rows = self._cost.covers(self._upper_H), self._rows.covers(self._matrix)
         return same_cost and same_rows
 
@@ -50,15 +46,15 @@ class OsqpSession(KeptSession):
         workspace = osqp.OSQP()
         cost, rows = self._cost.sparse(self._upper_H), self._rows.sparse(self._matrix)
         try:
-            # OSQP keeps what it is given: nothing of it may be the caller's, or ours.
-            workspace.setup(cost, qp.g.copy(), rows, self._lower.copy(), self._upper.copy(), **self._settings)
+            # OSQP keeps what it is given: nothing of it may be the caller's, or change.
+            workspace.setup(cost, qp.g.copy(), rows, *self._sides, **self._settings)
         except osqp.OSQPException:
             return None
         return workspace
 
     def _update(self, qp: QP, workspace: Any) -> None:
         workspace.update(
-            q=qp.g.copy(), l=self._lower.copy(), u=self._upper.copy(),
+            q=qp.g.copy(), l=self._sides[0], u=self._sides[1],
             Px=self._cost.entries(self._upper_H), Ax=self._rows.entries(self._matrix),
         )  # fmt: skip
 
