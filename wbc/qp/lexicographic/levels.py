@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import ChainMap
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import final
 
 import numpy as np
@@ -29,16 +29,14 @@ from wbc.qp.lexicographic.compiled.space import CORE, FINDER, ITEMS, LONG, MOST,
 from wbc.qp.lexicographic.compiled.space import LAYOUT as SPACES
 from wbc.qp.lexicographic.compiled.stage import CORE_AT, LEVELS_AT, conclude
 from wbc.qp.lexicographic.parts import Pull
-from wbc.qp.lexicographic.stages import StagedProblem
+from wbc.qp.lexicographic.stages import StagedProblem, address_of
 from wbc.qp.problem import QP, Row
 from wbc.qp.rows import RowProblem
-from wbc.qp.rows.compiled.work import INACCURATE, INFEASIBLE, SOLVED
-from wbc.qp.rows.core import CoreSolver
+from wbc.qp.rows.compiled.work import SOLVED
+from wbc.qp.rows.core import STATUS, CoreSolver
 from wbc.qp.rows.row_task import NOT_OPTIMISED, Outcome
 from wbc.tolerances import ROUNDING
 from wbc.types import Index, Status, Vec
-
-_STATUS = {SOLVED: Status.SOLVED, INFEASIBLE: Status.INFEASIBLE, INACCURATE: Status.INACCURATE}
 
 
 @final
@@ -66,12 +64,12 @@ class Levels:
         space = SPACES.arrays(sizes)
         self._side, self._kept, self._push, self._memory = space.side, space.kept, space.push, Memory(*space)
         table, share = np.zeros((count, 6), dtype=np.int64), np.zeros(count)
-        table[:, 4:] = share.__array_interface__["data"][0]  # of nothing
+        table[:, 4:] = address_of(share)  # of nothing
         for k, (place, pull) in enumerate(zip(staged.rows, self._pulls, strict=True)):
             table[k, :2] = place.start, place.stop
             if pull is not None:
-                addresses = (array.__array_interface__["data"][0] for array in (pull.weights, pull.wanted))
-                table[k, 2:], share[k] = (len(pull.weights), pull.columns.start, *addresses), pull.share
+                table[k, 2:4], share[k] = (len(pull.weights), pull.columns.start), pull.share
+                table[k, 4:] = address_of(pull.weights), address_of(pull.wanted)
         # What a report is made of stands in one piece: how each level came out, what is left of each row, its weight.
         self._report = np.zeros(2 + 5 * count + 2 * p.n_rows)
         worst, found, left, root = np.split(self._report, (2, 2 + 5 * count, 2 + 5 * count + p.n_rows))
@@ -120,7 +118,7 @@ class Levels:
         counts.fallback += work.item(FALLBACK)
         if code == SOLVED:
             conclude(self.staged.address)
-        return _STATUS.get(code, Status.FAILED)
+        return STATUS.get(code, Status.FAILED)
 
     @property
     def worst(self) -> tuple[float, float]:
@@ -184,9 +182,7 @@ class Report:
 
     def __call__(self) -> tuple[Outcome, ...]:
         """In words, with a certificate each."""
-        return tuple(self._outcomes())
-
-    def _outcomes(self) -> Iterator[Outcome]:
+        outcomes = list[Outcome]()
         count, last = len(self._staged.stages), len(self._staged.stages) - 1
         found, behind = np.split(self._numbers[2:], (5 * count,))
         left, root = np.split(behind, 2)
@@ -194,16 +190,17 @@ class Report:
             names = tuple(str(part) for part in stage)
             how, length, primal, off, distance = found[5 * k : 5 * k + 5].tolist()
             if how == NOT_DECIDED:
-                yield Outcome(names, NOT_OPTIMISED, length, Certificate.none())
+                outcomes.append(Outcome(names, NOT_OPTIMISED, length, Certificate.none()))
                 continue
             if k == last and self._proof is not None:
-                yield Outcome(names, "optimal", length, self._proof())
+                outcomes.append(Outcome(names, "optimal", length, self._proof()))
                 continue
             with np.errstate(divide="ignore", invalid="ignore"):
                 reach = np.abs(left[place]) if off < 0.0 else np.where(root[place] > 0.0, off / root[place], 0.0)
             bounds = {name: float(reach[rows].max(initial=0.0)) for name, rows in self._staged.parts[k].items()}
             proof = Certificate(primal, 0.0, 0.0, distance=distance, bounds=bounds)
-            yield Outcome(names, "met" if how == IS_MET else "optimal", length, proof)
+            outcomes.append(Outcome(names, "met" if how == IS_MET else "optimal", length, proof))
+        return tuple(outcomes)
 
     def certificate(self) -> Certificate:
         """The worst number of each kind among the levels that were decided, and the bounds of all tasks."""

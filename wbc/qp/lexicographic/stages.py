@@ -88,7 +88,7 @@ class StagedProblem:
         row_of[: p.soft.start] = np.arange(source.soft.start)
         row_of[p.n_rows - source.n_equal :] = np.arange(source.equal.start, source.equal.stop)
         divided = np.array(
-            [[-1, task.dim, self._shares[id(task)], *map(_address, (task.wanted, task.drift, task.weights)), -1]
+            [[-1, task.dim, self._shares[id(task)], *map(address_of, (task.wanted, task.drift, task.weights)), -1]
              for task in scaled], dtype=np.int64,
         ).reshape(-1, 7)  # fmt: skip
         pulls, share = list[tuple[int, int, int]](), np.ones(len(divided))
@@ -100,16 +100,16 @@ class StagedProblem:
                 of = divided[self._shares[id(task)] - source.n] if part.kind != "whole" else None
                 if part.kind == "share":
                     assert of is not None
-                    of[-1], weight[at.start] = at.start, _address(share[self._shares[id(task)] - source.n :])
+                    of[-1], weight[at.start] = at.start, address_of(share[self._shares[id(task)] - source.n :])
                     continue
                 if of is not None:
                     of[0] = at.start
-                weight[at] = _address(task.weights) + 8 * np.arange(task.dim)
+                weight[at] = address_of(task.weights) + 8 * np.arange(task.dim)
                 if task.rows is not None:
                     row_of[at] = np.arange(task.rows.start, task.rows.stop)
                 else:
                     assert task.unknowns is not None
-                    wanted = _address(task.wanted) + 8 * np.arange(task.dim)
+                    wanted = address_of(task.wanted) + 8 * np.arange(task.dim)
                     pulls += zip(range(at.start, at.stop), range(source.n)[task.unknowns], wanted.tolist(), strict=True)
         self.links = np.zeros(4, dtype=np.int64)
         sizes = [source.n, source.n_y, source.n_rows, p.n_rows, len(pulls), len(divided)]
@@ -152,7 +152,7 @@ class StagedProblem:
         p.weights[:] = 0.0
 
 
-def _address(array: Vec) -> int:
+def address_of(array: Vec) -> int:
     """Where a vector begins, whose numbers stand one beside the other."""
     assert array.strides == (8,), "a kernel reads it"
     return int(array.__array_interface__["data"][0])

@@ -26,7 +26,8 @@ from wbc.types import Index, Status, Vec
 _PAYS = 3e5
 #: Weight of a row beside the metric, beyond which the row form loses its digits.
 _LIGHT = 1.0 / SHARP
-_ANSWERED = {SOLVED: Status.SOLVED, INACCURATE: Status.INACCURATE}
+#: What kernels say of an answer; FAILED whatever else they say.
+STATUS = {SOLVED: Status.SOLVED, INACCURATE: Status.INACCURATE, INFEASIBLE: Status.INFEASIBLE}
 
 
 @final
@@ -50,12 +51,12 @@ class CoreSolver(RowSolver):
         sizes = np.array([p.n_u, p.n_y, p.n_range, p.n_soft, p.n_equal, form, 0, 0, 0], dtype=np.int64)
         self._report = np.zeros(NUMBERS + p.n_soft + p.n_y)
         proof, reach = np.split(self._report, (NUMBERS,))
-        self.memory = LAYOUT.arrays(
+        memory = LAYOUT.arrays(
             sizes, G=p.G, value=p.value, lower=p.lower, upper=p.upper, metric=p.metric, centre=p.centre, scale=p.scale,
             given=p.weights, reach=reach, push=self.push, z=self.z, left=self.left, proof=proof, unit=p.units,
             numbers=np.array([1.0, p.regularisation, 0.0, 0.0]),
         )  # fmt: skip
-        self._memory, self._side, self._sizes = Memory(*self.memory), self.memory.side, sizes
+        self._memory, self._side, self._sizes = Memory(*memory), memory.side, sizes
         self.address = self._memory.address
         self.kernel = place_of(answer), self.address
         # Where each item stands in ``value``.
@@ -73,14 +74,13 @@ class CoreSolver(RowSolver):
         guesses, steps = self.work
         self.iterations = guesses + steps
         self.counts.add(guesses, steps)
-        status = _ANSWERED.get(code)
-        if status is not None:
+        if code in (SOLVED, INACCURATE):
             numbers, owners = self._report.tobytes(), self._owners
             self.proof = lambda: proven(numbers, owners)
-            return status
-        self.reset()
-        self.certificate = Certificate.none()
-        return Status.INFEASIBLE if code == INFEASIBLE else Status.FAILED
+        else:
+            self.reset()
+            self.certificate = Certificate.none()
+        return STATUS.get(code, Status.FAILED)
 
     @property
     def work(self) -> tuple[int, int]:
