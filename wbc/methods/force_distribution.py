@@ -26,10 +26,9 @@ from wbc.errors import InvalidInput
 from wbc.friction import Pyramid
 from wbc.methods.least_distance import nearest
 from wbc.methods.method import Method
-from wbc.methods.shared import SMALL, box, factors, inverse_root, metric
+from wbc.methods.shared import SMALL, box, factors, inverse_root, metric, positive
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
-from wbc.tolerances import SAME
 from wbc.types import Mat, Vec
 
 
@@ -110,11 +109,9 @@ class ForceDistribution(Method):
             return self._nearest(None)
         root = self._root
         found = factors(self.G @ root)
-        u = found.inverse(self.wrench)
-        missing = found.rest.T @ self.wrench
-        if np.linalg.norm(missing) > SAME * np.linalg.norm(self.wrench):
+        if not found.reaches(self.wrench, self.wrench):
             return self._infeasible()
-        return self._result(root @ u, found.U @ (found.solve(self.wrench) / found.values))
+        return self._result(root @ found.inverse(self.wrench), found.U @ (found.solve(self.wrench) / found.values))
 
     def _result(self, f: Vec, multipliers: Vec) -> Distribution:
         return Distribution(f, self.G @ f - self.wrench, multipliers, True)
@@ -196,7 +193,4 @@ def _friction(friction: Any, nf: int) -> Vec:
         return np.zeros(0)
     if nf % 3:
         raise InvalidInput(f"friction needs forces in threes (f_x, f_y, f_z); G has {nf} columns")
-    values = checks.each("friction", friction, nf // 3)
-    for i in (values <= 0.0).nonzero()[0]:
-        raise InvalidInput(f"friction[{i}] is {values[i]:g}; it must be positive")
-    return values
+    return positive("friction", checks.each("friction", friction, nf // 3))

@@ -24,6 +24,7 @@ import numpy as np
 
 from wbc import checks
 from wbc.errors import InvalidInput, NotSupported
+from wbc.methods.shared import positive
 from wbc.types import Vec
 
 SCHEMES = ("exact", "euler", "implicit")
@@ -62,27 +63,21 @@ class MomentumResidual:
         if checks.ndim(gain) == 0:
             self.gain = np.array(checks.number("gain", gain, low=0.0, strict=True))
         else:
-            self.gain = checks.array("gain", gain, (None,))
+            self.gain = positive("gain", checks.array("gain", gain, (None,)))
         self.scheme = checks.one_of("scheme", scheme, SCHEMES)
-        self._refuse_gains()
         product = self.gain * self.dt
+        if scheme == "euler" and (product >= 2.0).any():
+            i = int((product >= 2.0).argmax())
+            name = f"gain[{i}]" if self.gain.ndim else "gain"
+            raise InvalidInput(
+                f"{name} is {self.gain.flat[i]:g}, so {name} dt is {product.flat[i]:g}; the scheme 'euler' is stable"
+                " below 2, 'exact' and 'implicit' always"
+            )
         self._share: Vec = {"exact": -np.expm1(-product), "euler": product, "implicit": product / (1.0 + product)}[
             scheme
         ]
         self._momentum: Vec | None = None
         self._residual: Vec | None = None
-
-    def _refuse_gains(self) -> None:
-        gains = np.atleast_1d(self.gain)
-        for i, value in enumerate(gains):
-            name = f"gain[{i}]" if self.gain.ndim else "gain"
-            if value <= 0.0:
-                raise InvalidInput(f"{name} is {value:g}; it must be positive")
-            if self.scheme == "euler" and value * self.dt >= 2.0:
-                raise InvalidInput(
-                    f"{name} is {value:g}, so {name} dt is {value * self.dt:g}; the scheme 'euler' is stable below 2,"
-                    " 'exact' and 'implicit' always"
-                )
 
     def reset(self, p0: Any) -> None:
         """Start, or start again, with the momentum p0 (n,) of this moment; r becomes zero.

@@ -222,8 +222,7 @@ class PrioritisedTasks(Method):
         n = len(self.lower)
         rows, x, scales = np.zeros((0, n)), np.full(n, np.nan), list[float | None]()
         for J, target, drift in self.tasks:
-            kept = rows, rows @ x if len(rows) else np.zeros(0)
-            found, scale = _Level((J, target, drift), self.lower, self.upper, kept).answer(solver)
+            found, scale = _Level((J, target, drift), self.lower, self.upper, (rows, rows @ x)).answer(solver)
             scales.append(None if np.isnan(scale) else scale)
             if scales[-1] is not None:
                 x, rows = found, np.vstack([rows, factors(J, of_unit_length=True).V])

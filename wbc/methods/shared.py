@@ -35,6 +35,17 @@ def box(size: int, **sides: Any) -> tuple[Vec, Vec]:
     return lower, upper
 
 
+def positive(name: str, values: Vec) -> Vec:
+    """``values`` (n,), each of which is positive.
+
+    Raises:
+        InvalidInput: one that is not.
+    """
+    for i in (values <= 0.0).nonzero()[0]:
+        raise InvalidInput(f"{name}[{i}] is {values[i]:g}; it must be positive")
+    return values
+
+
 def metric(name: str, value: Any, size: int) -> Mat:
     """A symmetric positive definite matrix (size, size) from a positive number, a positive vector or such a matrix.
 
@@ -46,11 +57,7 @@ def metric(name: str, value: Any, size: int) -> Mat:
     if given == 0:
         return np.diag(np.full(size, checks.number(name, value, low=0.0, strict=True)))
     if given == 1:
-        diagonal = checks.array(name, value, (size,))
-        if (diagonal <= 0.0).any():
-            i = int(np.argmax(diagonal <= 0.0))
-            raise InvalidInput(f"{name}[{i}] is {diagonal[i]:g}; it must be positive")
-        return np.diag(diagonal)
+        return np.diag(positive(name, checks.array(name, value, (size,))))
     matrix = checks.array(name, value, (size, size))
     skew = np.abs(matrix - matrix.T)
     if skew.max(initial=0.0) > SAME * np.abs(matrix).max(initial=0.0):
