@@ -54,7 +54,7 @@ class CoreSolver(RowSolver):
         memory = LAYOUT.arrays(
             sizes, G=p.G, value=p.value, lower=p.lower, upper=p.upper, metric=p.metric, centre=p.centre, scale=p.scale,
             given=p.weights, reach=reach, push=self.push, z=self.z, left=self.left, proof=proof, unit=p.units,
-            numbers=np.array([1.0, p.regularisation, 0.0, 0.0]),
+            numbers=np.array([p.regularisation, 0.0, 0.0]),
         )  # fmt: skip
         self._memory, self._side, self._sizes = Memory(*memory), memory.side, sizes
         self.address = self._memory.address

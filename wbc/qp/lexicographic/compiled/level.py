@@ -26,7 +26,7 @@ from __future__ import annotations
 
 from math import sqrt
 
-from wbc.compiled import part
+from wbc.compiled import copy, part
 from wbc.qp.lexicographic.compiled.space import (
     CORE,
     DECIDED,
@@ -52,7 +52,7 @@ from wbc.qp.lexicographic.compiled.space import (
     triangular,
 )  # fmt: skip
 from wbc.qp.rows.compiled.equality import reduced
-from wbc.qp.rows.compiled.linear import add, backward, dot, factor, forward, times
+from wbc.qp.rows.compiled.linear import add, backward, clear, dot, factor, forward, times
 from wbc.qp.rows.compiled.work import place_of, views
 from wbc.tolerances import CANCELS, ROUNDING, SHARP
 
@@ -108,7 +108,7 @@ def hold_items(at: int, d: int, dependent: float) -> int:
                 w.B[count, c] = w.R[item, c] / reach
             w.v[count], w.size[count], w.holds[count] = reach, 1.0, item
             count += 1
-    rank = triangular(at, w.B, count, 0, d, w.size, w.order, dependent)
+    rank = triangular(at, w.B, count, 0, d, dependent)
     for i in range(rank, count):
         w.side[int(w.holds[w.order[i]])] = 0.0
     for i in range(rank):
@@ -117,8 +117,7 @@ def hold_items(at: int, d: int, dependent: float) -> int:
         w.bound[i] = (w.high[item] if w.side[item] > 0.0 else w.low[item]) / w.reach[i]
     for i in range(rank):
         w.t[i] = (w.bound[i] - dot(w.B[i], w.t, i)) / w.B[i, i]
-    for c in range(rank, d):
-        w.t[c] = 0.0
+    clear(w.t[rank:d])
     w.sizes[HELD] = rank
     return rank
 
@@ -131,7 +130,7 @@ def reduce(at: int, rank: int, d: int) -> None:
     for i in range(k):
         w.size[i] = max(sqrt(dot(w.W[i], w.W[i], d)), w.noise[1 + i] / ROUNDING)
         w.v[i] = w.a[i] + dot(w.A[i], w.t, rank)
-    decided = triangular(at, w.A, k, rank, d, w.size, w.order, ROUNDING)
+    decided = triangular(at, w.A, k, rank, d, ROUNDING)
     w.sizes[DECIDED] = rank + decided
     for i in range(k):
         w.missing[i] = w.v[w.order[i]]
@@ -169,17 +168,14 @@ def settle(at: int, rank: int, d: int) -> None:
     k = w.sizes[ROWS]
     rest = d - rank
     w.sizes[DECIDED] = rank
-    for c in range(rank, d):
-        w.t[c] = w.step[c]
-    for i in range(k):
-        w.missing[i] = 0.0
+    copy(w.step[rank:], w.t[rank:d])
+    clear(w.missing)
     for i in range(k if k <= rest else 0):
         times(w.A, rank, w.A[i, rank:], 0, i + 1, rest, w.K[i])
         w.K[i, i] += 1.0
     factor(w.K, 0, k if k <= rest else 0, 0.0)
     for i in range(rest if k > rest else 0):
-        for c in range(i + 1):
-            w.H[i, c] = 0.0
+        clear(w.H[i])
         w.H[i, i] = 1.0
         for row in range(k):
             add(w.A[row, rank + i], w.A[row, rank:], i + 1, w.H[i])
@@ -221,15 +217,13 @@ def hold(at: int, dependent: float) -> None:
     k, d = w.sizes[ROWS], w.sizes[N] - w.sizes[FREE]
     w.sizes[STEPS] += 1
     rank = hold_items(at, d, dependent)
-    for c in range(d):
-        w.step[c] = w.centre[c]
+    copy(w.centre, w.step)
     for c in range(rank):
         reflect(w.step, w.P[c], w.beta[c], c, d)
     size, far = 0.0, 0.0
     for i in range(k):
         size += dot(w.W[i], w.W[i], d)
-        for c in range(d):
-            w.A[i, c] = w.W[i, c]
+        copy(w.W[i], w.A[i])
         w.order[i] = i
     for c in range(rank):
         reflect_rows(w, w.A, 0, k, c, 0, d)
@@ -263,7 +257,6 @@ def hold(at: int, dependent: float) -> None:
         w.holds[i] = 1.0 if abs(force) > w.rho[i] else 0.0
         if counts and -force * w.side[item] > CANCELS * pull and s.lower[place] != s.upper[place]:
             w.wrong[item] = -force * w.side[item]
-    for c in range(d):
-        w.z[c] = w.t[c]
+    copy(w.t, w.z)
     for c in range(w.sizes[DECIDED] - 1, -1, -1):
         reflect(w.z, w.P[c], w.beta[c], c, d)

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from math import inf, sqrt
 
-from wbc.compiled import part, small_kernel
+from wbc.compiled import copy, part, small_kernel
 from wbc.qp.lexicographic.compiled.space import (
     CORE,
     DECIDED,
@@ -38,8 +38,8 @@ from wbc.qp.lexicographic.compiled.space import (
     triangular,
     value_of_own,
 )  # fmt: skip
-from wbc.qp.rows.compiled.linear import add, dot
-from wbc.qp.rows.compiled.work import SOLVED, Work, place_of, views
+from wbc.qp.rows.compiled.linear import add, clear, dot
+from wbc.qp.rows.compiled.work import Work, place_of, views
 from wbc.tolerances import NEAR
 
 #: What each product of the gradient loses, of rows and of pushes alike, as a share of their sum.
@@ -75,10 +75,9 @@ def fit_pushes(at: int) -> None:
                     w.C[count, c] = w.R[item, c] / w.rho[count]
                 w.size[count], w.v[count] = 1.0, item
                 count += 1
-        for c in range(n):
-            w.g[c] = w.step[c]
+        copy(w.step, w.g[:n])
         in_space(at, w.z)
-        rank = triangular(at, w.C, count, 0, d, w.size, w.order, DEPENDENT)
+        rank = triangular(at, w.C, count, 0, d, DEPENDENT)
         for c in range(rank):
             reflect(w.z, w.P[c], w.beta[c], c, d)
         for i in range(rank - 1, -1, -1):
@@ -91,7 +90,7 @@ def fit_pushes(at: int) -> None:
 
 
 @part
-def certify(at: int) -> int:
+def certify(at: int) -> None:
     """Of the level solved last: what is beyond its bounds, ‖ρ‖ + ‖r − m‖, ‖s‖, Σ |λ| g, and what is under the root."""
     w = space(at)
     s = views(w.sizes[CORE])
@@ -114,8 +113,7 @@ def certify(at: int) -> int:
     for i in range(rank):
         fits = fits and not pulls(w, s, w.item[i])
     if not fits:
-        for item in range(w.sizes[ITEMS]):
-            w.idle[item] = 0.0
+        clear(w.idle)
         fit_pushes(at)
         rank = decided = 0
     for item in range(w.sizes[ITEMS]):
@@ -128,21 +126,15 @@ def certify(at: int) -> int:
             pushes += abs(force) * sqrt(dot(w.g, w.g, n))
             if near > NEAR:
                 gap += abs(force) * near
-    for c in range(n):
-        w.g[c] = w.at[c]
+    copy(w.at, w.g[:n])
     far = in_space(at, w.z) ** 2
-    for c in range(n):
-        w.g[c] = w.step[c]
+    copy(w.step, w.g[:n])
     in_space(at, w.z)
     slope = 0.0
     for j in range(free):
         if w.doubt[j] != 0.0:
-            along, away = 0.0, 0.0
-            for i in range(n):
-                along += w.V[i, j] * w.g[i]
-                away += w.V[i, j] * w.at[i]
-            slope += along**2
-            far += away**2
+            slope += dot(w.V[:, j], w.g, n) ** 2
+            far += dot(w.V[:, j], w.at, n) ** 2
     # what rows of the level take of it
     for c in range(rank + decided):
         reflect(w.z, w.P[c], w.beta[c], c, d)
@@ -176,4 +168,3 @@ def certify(at: int) -> int:
     w.proof[2] = max(sqrt(slope) - _ROUNDING * n * (sqrt(size * square) + pushes), 0.0)
     w.proof[3] = gap
     w.proof[4] = gap + w.proof[2] * (1.0 + sqrt(far))
-    return SOLVED

@@ -10,7 +10,7 @@ from __future__ import annotations
 from math import inf, sqrt
 from typing import Annotated, NamedTuple
 
-from wbc.compiled import Layout, carray, entry, floats, part
+from wbc.compiled import Layout, carray, copy, entry, floats, part
 from wbc.qp.lexicographic.compiled.proof import certify
 from wbc.qp.lexicographic.compiled.search import solve_level
 from wbc.qp.lexicographic.compiled.space import (
@@ -37,6 +37,7 @@ from wbc.qp.lexicographic.compiled.space import (
     space,
 )  # fmt: skip
 from wbc.qp.rows.compiled.equality import reduce_base
+from wbc.qp.rows.compiled.linear import clear
 from wbc.qp.rows.compiled.verify import ALONE
 from wbc.qp.rows.compiled.work import FAILED, INACCURATE, SOLVED, place_of, views
 from wbc.tolerances import MET, NEAR
@@ -86,8 +87,7 @@ def read(at: int, k: int) -> None:
     first, stop, count, column = r.level[k, 0], r.level[k, 1], r.level[k, 2], r.level[k, 3]
     rows = stop - first
     w.sizes[FIRST], w.sizes[OWN] = first, rows
-    for i in range(rows):
-        w.weigh[i] = r.root[first + i]
+    copy(r.root[first:], w.weigh[:rows])
     weights, wanted = carray(floats(r.level[k, 4]), count), carray(floats(r.level[k, 5]), count)
     for i in range(count):
         if weights[i] != 0.0:
@@ -97,11 +97,10 @@ def read(at: int, k: int) -> None:
             rows += 1
     for c in range(s.sizes[0] if w.sizes[LAST] else 0):  # nothing is left out of the cost where u is eliminated
         w.which[rows - w.sizes[OWN]] = -1 - c
-        w.weigh[rows] = sqrt(s.numbers[1] / r.unit[k])
+        w.weigh[rows] = sqrt(s.numbers[0] / r.unit[k])
         rows += 1
     w.sizes[ROWS] = rows
-    for item in range(w.sizes[ITEMS]):
-        w.side[item] = r.sides[k, item]
+    copy(r.sides[k], w.side)
 
 
 @part
@@ -142,7 +141,7 @@ def prove(at: int, k: int) -> None:
         if r.root[row] > 0.0:
             far = max(far, off / r.root[row] / r.size[row])
     for c in range(w.sizes[N] if w.sizes[LAST] else 0):  # tasks on joints are in the metric
-        if s.unit[0] * s.metric[c] > ALONE * s.numbers[1]:
+        if s.unit[0] * s.metric[c] > ALONE * s.numbers[0]:
             scale = s.scale[s.sizes[0] + c]
             far = max(far, off * w.root[c] * scale / (1.0 + abs(s.value[s.sizes[0] + c]) * scale))
     r.found[k, 0], r.found[k, 1], r.found[k, 2] = IS_LEAST, sqrt(r.unit[k] * square), w.proof[0]
@@ -159,7 +158,7 @@ def hold(at: int, k: int) -> None:
     w = space(r.sizes[SPACE])
     s = views(w.sizes[CORE])
     one, own, first, here = s.sizes[0] + w.sizes[N], w.sizes[OWN], w.sizes[FIRST], r.sizes[SPACE]
-    left, count = 0.0, 0
+    left, count, is_damped = 0.0, 0, w.sizes[ROWS] > own
     for i in range(own):
         r.left[first + i] = s.value[one + 1 + first + i]
         left = max(left, abs(r.left[first + i]))
@@ -168,29 +167,25 @@ def hold(at: int, k: int) -> None:
         w.rho[i] = max(length, _BARELY * whole)
     if left <= MET:
         r.found[k, 0] = IS_MET
-    elif w.sizes[ROWS] == own:
+    elif not is_damped:
         r.unmet[k] = 1.0
-    residual = left
-    if w.sizes[ROWS] > own:
-        left = 0.0
-    if left > _SLIGHT:
+    if left > _SLIGHT and not is_damped:
         for i in range(w.sizes[HELD]):
             if w.holds[i] != 0.0:
                 item = w.item[i]
                 w.size[count] = item_in_space(here, item)
-                for c in range(w.sizes[N]):
-                    w.C[count, c] = w.R[item, c]
+                copy(w.R[item], w.C[count])
                 w.kept[item] = 1.0
                 count += 1
         narrow(here, count, DEPENDENT)
         for i in range(own):
             whole = gradient_of_own(here, i)
             known_in_space(here, whole, left_by_rounding(w, whole), w.C[i])
+    copy(w.rho, w.size[:own])
     for i in range(own):
-        w.size[i] = w.rho[i]
         s.G[first + i, one] -= r.left[first + i]
         s.value[one + 1 + first + i] = 0.0
-    narrow(here, own, HARDLY if residual > _SLIGHT else DEPENDENT)
+    narrow(here, own, HARDLY if left > _SLIGHT else DEPENDENT)
     begin_here(here)
 
 
@@ -238,8 +233,7 @@ def rank(at: int) -> int:
     """
     r = ranking(at)
     last, k, qps = r.sizes[LEVELS] - 1, r.sizes[START], r.sizes[QPS]
-    for i in range(last + 1):
-        r.unmet[i] = 0.0
+    clear(r.unmet)
     while True:
         qps += 1
         code = decide(at, k, True)
@@ -257,12 +251,10 @@ def rank(at: int) -> int:
         hold(at, k)
         if qps >= r.sizes[BUDGET]:
             break
-        for i in range(len(r.best)):
-            r.best[i] = s.value[i]
+        copy(s.value, r.best)
         qps += 1
         if decide(at, k + 1, False) != SOLVED:
-            for i in range(len(r.best)):
-                s.value[i] = r.best[i]
+            copy(r.best, s.value)
             break
         k += 1
     r.sizes[ENDED], r.sizes[QPS] = k, qps

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from math import inf, sqrt
 
-from wbc.compiled import part, small_kernel
+from wbc.compiled import copy, part, small_kernel
 from wbc.qp.lexicographic.compiled.level import hold, read_level
 from wbc.qp.lexicographic.compiled.space import (
     CORE,
@@ -32,7 +32,7 @@ from wbc.qp.lexicographic.compiled.space import (
     reflect,
     space,
 )  # fmt: skip
-from wbc.qp.rows.compiled.linear import dot
+from wbc.qp.rows.compiled.linear import add, clear, dot
 from wbc.qp.rows.compiled.search import answer_near
 from wbc.qp.rows.compiled.work import (
     FAILED,
@@ -77,8 +77,7 @@ def guess_set(at: int) -> bool:
         if w.kept[item] != 0.0 or not abs(far) < inf:
             w.side[item] = 0.0
     for _ in range(_GUESSES):
-        for item in range(m):
-            w.idle[item] = 0.0
+        clear(w.idle)
         hold(at, HARDLY)
         go(at, w.z)
         wrong, last = 0, -1
@@ -96,8 +95,7 @@ def guess_set(at: int) -> bool:
         elif chances > 0:
             chances -= 1
         else:  # the last one alone, which cannot cycle
-            for item in range(last):
-                w.wrong[item] = 0.0
+            clear(w.wrong[:last])
         for item in range(m):
             if w.wrong[item] > 0.0:
                 w.side[item] = 0.0
@@ -132,15 +130,13 @@ def find(at: int, heavy: float) -> int:
     q.value[d], q.lower[d], q.upper[d] = 1.0, -inf, inf
     for item in range(m):
         item_in_space(at, item)
-        for c in range(d):
-            q.G[item, c] = w.R[item, c]
+        copy(w.R[item], q.G[item, :d])
         q.G[item, d] = 0.0
         free = w.kept[item] != 0.0
         q.lower[d + 1 + item], q.upper[d + 1 + item] = -inf if free else w.low[item], inf if free else w.high[item]
         q.side[d + item] = w.side[item]
     for i in range(k):
-        for c in range(d):
-            q.G[m + i, c] = w.W[i, c]
+        copy(w.W[i], q.G[m + i, :d])
         q.G[m + i, d] = w.a[i]
         q.lower[d + 1 + m + i] = q.upper[d + 1 + m + i] = 0.0
         q.given[i] = weight
@@ -149,10 +145,8 @@ def find(at: int, heavy: float) -> int:
     w.sizes[FINDS] += 1
     if code == INACCURATE and q.proof[0] <= NEAR:
         code = SOLVED  # any point will do
-    for c in range(d):
-        w.at[c] = q.value[c]
-    for item in range(m):
-        w.side[item] = q.side[d + item]
+    copy(q.value, w.at[:d])
+    copy(q.side[d:], w.side)
     return int(code)
 
 
@@ -173,19 +167,15 @@ def nearest(at: int) -> float:
     """The step from ``at`` to the nearest least of the working set; its square. What decides nothing does not move."""
     w = space(at)
     d = w.sizes[N] - w.sizes[FREE]
-    square = 0.0
     for c in range(d):
         w.step[c] = w.z[c] - w.at[c]
     for c in range(w.sizes[DECIDED]):
         reflect(w.step, w.P[c], w.beta[c], c, d)
     if not w.sizes[LAST]:
-        for c in range(w.sizes[DECIDED], d):
-            w.step[c] = 0.0
+        clear(w.step[w.sizes[DECIDED] : d])
     for c in range(w.sizes[DECIDED] - 1, -1, -1):
         reflect(w.step, w.P[c], w.beta[c], c, d)
-    for c in range(d):
-        square += w.step[c] ** 2
-    return float(square)
+    return dot(w.step, w.step, d)
 
 
 @part
@@ -243,8 +233,7 @@ def stopped(at: int, falls: bool) -> bool:
                         break
     if found < 0:
         return False
-    for c in range(d):
-        w.at[c] += share * w.step[c]
+    add(share, w.step, d, w.at)
     w.side[found] = side
     return True
 
@@ -284,8 +273,7 @@ def descend(at: int) -> bool:
         if gains(at):
             if stopped(at, falls):
                 continue
-            for c in range(d):
-                w.at[c] += w.step[c]
+            add(1.0, w.step, d, w.at)
         cost = cost_of(at, d)
         falls = cost < lowest * (1.0 - CANCELS)
         lowest = min(cost, lowest)
@@ -305,16 +293,16 @@ def descend(at: int) -> bool:
 def solve_level(at: int) -> int:
     """The answer of a level in ``value``, from the working set in ``side``; or why there is none."""
     w = space(at)
-    m, d = w.sizes[ITEMS], w.sizes[N] - w.sizes[FREE]
-    for item in range(m):
-        w.held[item] = w.side[item]
+    copy(w.side, w.held)
     read_level(at)
     if guess_set(at):
         return SOLVED
     code, heavy = FAILED, _HEAVY
     for k in range(_FINDS):
-        for item in range(m):  # where it led nowhere, from the same set the core finds the same
-            w.side[item] = w.held[item] if k == 0 or code == SOLVED else 0.0
+        if k == 0 or code == SOLVED:
+            copy(w.held, w.side)
+        else:  # from the set that led nowhere the core finds the same
+            clear(w.side)
         code = find(at, heavy)
         if code == INFEASIBLE and not w.sizes[INSIDE]:
             return code
@@ -325,15 +313,12 @@ def solve_level(at: int) -> int:
         begin_here(at)
         w.sizes[INSIDE] = 1
         read_level(at)
-        for item in range(m):
-            w.held[item] = w.side[item]
+        copy(w.side, w.held)
         if guess_set(at):
             return SOLVED
         heavy = min(heavy * _MORE, 1.0 / DEPENDENT)
     if not w.sizes[INSIDE]:
         return code
-    for item in range(m):
-        w.side[item] = w.held[item]
-    for c in range(d):
-        w.at[c] = 0.0
+    copy(w.held, w.side)
+    clear(w.at)
     return SOLVED if descend(at) else FAILED

@@ -12,9 +12,9 @@ from __future__ import annotations
 from math import copysign, sqrt
 from typing import Annotated, NamedTuple
 
-from wbc.compiled import Layout, kernel, part, small_kernel
+from wbc.compiled import Layout, copy, kernel, part, small_kernel
 from wbc.qp.rows.compiled.equality import drop_rounding, evaluate, reduced
-from wbc.qp.rows.compiled.linear import add, dot, times
+from wbc.qp.rows.compiled.linear import add, clear, dot, times
 from wbc.qp.rows.compiled.work import Work, place_of, views
 from wbc.tolerances import NOISE, ROUNDING, SAME
 from wbc.types import Index, Mat, Vec
@@ -140,14 +140,14 @@ def reflect_rows(w: Space, A: Mat, begin: int, end: int, k: int, column: int, la
 
 
 @kernel
-def triangular(at: int, A: Mat, m: int, first: int, last: int, size: Vec, order: Index, tolerance: float) -> int:
+def triangular(at: int, A: Mat, m: int, first: int, last: int, tolerance: float) -> int:
     """Make the columns from ``first`` on of m rows of A lower triangular, rows that depend last; how many do not.
 
-    Reflection i is row i of ``P``. ``size`` is what the rest of a row is compared with; ``order`` says which row stands
-    where.
+    Reflection i is row i of ``P``. In ``size`` stands what the rest of a row is compared with; ``order`` gets which row
+    stands where.
     """
     w = space(at)
-    rank = 0
+    rank, size, order = 0, w.size, w.order
     for i in range(m):
         order[i] = i
     while first + rank < last and rank < m:
@@ -193,8 +193,7 @@ def gradient_of_row(at: int, row: int) -> float:
     for j in range(s.sizes[0]):
         size += abs(s.G[row, j]) * w.base[0]
     if square <= (ROUNDING * size) ** 2:
-        for c in range(n):
-            w.g[c] = 0.0
+        clear(w.g[:n])
         return 0.0
     return sqrt(square)
 
@@ -241,14 +240,10 @@ def in_space(at: int, out: Vec) -> float:
     """out = V₊ᵀ g; its length."""
     w = space(at)
     n, free = w.sizes[N], w.sizes[FREE]
-    for c in range(n - free):
-        out[c] = 0.0
+    clear(out[: n - free])
     for i in range(n):
         if w.g[i] != 0.0:
-            share = w.g[i]
-            row = w.V[i, free:]
-            for c in range(n - free):
-                out[c] += share * row[c]
+            add(w.g[i], w.V[i, free:], n - free, out)
     return sqrt(dot(out, out, n - free))
 
 
@@ -261,10 +256,7 @@ def left_by_rounding(w: Space, whole: float) -> float:
     square = (NOISE * whole) ** 2
     for j in range(w.sizes[FREE]):
         if w.blur[j] > DEPENDENT:
-            along = 0.0
-            for i in range(w.sizes[N]):
-                along += w.V[i, j] * w.g[i]
-            square += (w.blur[j] * along) ** 2
+            square += (w.blur[j] * dot(w.V[:, j], w.g, w.sizes[N])) ** 2
     return sqrt(square)
 
 
@@ -275,8 +267,7 @@ def known_in_space(at: int, whole: float, rounding: float, out: Vec) -> float:
     length = in_space(at, out)
     if length <= max(DEPENDENT * whole, rounding):
         length = 0.0
-        for c in range(w.sizes[N] - w.sizes[FREE]):
-            out[c] = 0.0
+        clear(out[: w.sizes[N] - w.sizes[FREE]])
     return length
 
 
@@ -317,7 +308,7 @@ def narrow(at: int, m: int, tolerance: float) -> int:
     """Keep only what the m rows in ``C`` leave, and turn V; how many of them did not depend on others."""
     w = space(at)
     n, free = w.sizes[N], w.sizes[FREE]
-    rank = triangular(at, w.C, m, 0, n - free, w.size, w.order, tolerance)
+    rank = triangular(at, w.C, m, 0, n - free, tolerance)
     for k in range(rank):
         w.doubt[free + k] = 1.0 if w.pivot[k] <= w.noise[0] else 0.0
         w.blur[free + k] = NOISE / w.pivot[k]
@@ -346,30 +337,25 @@ def open_space(at: int, first: int) -> float:
             square += (s.X[j, c] * w.root[c]) ** 2
     w.base[0] = sqrt(square)
     for i in range(n):
-        for c in range(n):
-            w.V[i, c] = 0.0
+        clear(w.V[i])
         w.V[i, i] = 1.0
-        w.y0[i] = s.centre[i]
-        w.doubt[i] = 0.0
+        w.y0[i] = s.value[nu + i] = s.centre[i]
+    clear(w.doubt)
+    clear(w.kept)
     for item in range(w.sizes[ITEMS]):
-        w.kept[item] = 0.0
         if item < n:
             w.whole[item] = w.root[item]
         else:
             w.whole[item] = gradient_of_row(at, place_of(s, item) - nu - n - 1)
-            for c in range(n):
-                w.E[item - n, c] = w.g[c]
+            copy(w.g, w.E[item - n])
     w.sizes[FREE] = 0
     w.noise[0] = ROUNDING
     m = rows - first
-    for i in range(n):
-        s.value[nu + i] = s.centre[i]
     evaluate(w.sizes[CORE])
     for i in range(m):
         w.size[i] = gradient_of_row(at, first + i)
         w.rho[i] = s.value[nu + n + 1 + first + i]
-        for c in range(n):
-            w.C[i, c] = w.g[c]
+        copy(w.g, w.C[i])
     rank = narrow(at, m, DEPENDENT)
     for i in range(rank):
         w.noise[0] = max(w.noise[0], ROUNDING / w.pivot[i])

@@ -5,9 +5,9 @@ from __future__ import annotations
 from math import sqrt
 from typing import Annotated, NamedTuple
 
-from wbc.compiled import Layout, carray, floats, kernel, part
+from wbc.compiled import Layout, carray, copy, floats, kernel, part
 from wbc.qp.lexicographic.compiled.rank import BEGAN, ENDED, IS_LEAST, IS_MET, LEVELS, NOT_DECIDED, QPS, WORK, ranking
-from wbc.qp.rows.compiled.linear import dot
+from wbc.qp.rows.compiled.linear import clear, dot
 from wbc.qp.rows.compiled.search import answer
 from wbc.qp.rows.compiled.work import SOLVED, views
 from wbc.tolerances import MET
@@ -105,20 +105,18 @@ def fill(at: int) -> int:
     p = views(s.links[CORE_AT])
     n, few, first_soft = len(p.scale), len(s.scale), p.sizes[0] + p.sizes[2]
     for i in range(len(s.row)):
-        for c in range(n + 1):
-            p.G[i, c] = 0.0
+        clear(p.G[i])
         source = s.row[i]
         if source >= 0:
-            for c in range(few):
-                p.G[i, c] = s.G[source, c]
+            copy(s.G[source], p.G[i, :few])
             p.G[i, n] = s.G[source, few]
-    for c in range(few):
-        p.scale[c] = s.scale[c]
-        p.lower[c], p.upper[c] = s.lower[c], s.upper[c]
-    for i in range(first_soft):
-        p.lower[n + 1 + i], p.upper[n + 1 + i] = s.lower[few + 1 + i], s.upper[few + 1 + i]
-    for c in range(len(s.metric)):
-        p.metric[c], p.centre[c] = s.metric[c], s.centre[c]
+    copy(s.scale, p.scale[:few])
+    copy(s.lower, p.lower[:few])
+    copy(s.upper, p.upper[:few])
+    copy(s.lower[few + 1 :], p.lower[n + 1 : n + 1 + first_soft])
+    copy(s.upper[few + 1 :], p.upper[n + 1 : n + 1 + first_soft])
+    copy(s.metric, p.metric[: len(s.metric)])
+    copy(s.centre, p.centre[: len(s.metric)])
     for i in range(len(s.pulls)):  # their rows say what they are worth; scaled by it they would be stiffer than others
         row, c = s.pulls[i, 0], s.pulls[i, 1]
         p.scale[c] = 1.0
@@ -129,8 +127,7 @@ def fill(at: int) -> int:
         divide(s, i)
     for i in range(len(s.row)):  # what weighs nothing asks for nothing
         if s.weight[i] and carray(floats(s.weight[i]), 1)[0] == 0.0:
-            for c in range(n + 1):
-                p.G[i, c] = 0.0
+            clear(p.G[i])
     return weigh(s)
 
 
@@ -143,8 +140,7 @@ def conclude(at: int) -> None:
     s = stages(at)
     p, r = views(s.links[CORE_AT]), ranking(s.links[LEVELS_AT])
     n, few = len(p.scale), len(s.scale)
-    for c in range(few):
-        s.value[c] = p.value[c]
+    copy(p.value, s.value[:few])
     for i in range(len(s.pulls)):
         s.value[s.pulls[i, 1]] /= s.scale[s.pulls[i, 1]]
     for i in range(len(s.G)):

@@ -20,8 +20,8 @@ from __future__ import annotations
 
 from math import sqrt
 
-from wbc.compiled import part, small_kernel
-from wbc.qp.rows.compiled.linear import add_rows, backward, dot, factor, forward, times
+from wbc.compiled import copy, part, small_kernel
+from wbc.qp.rows.compiled.linear import add, add_rows, backward, clear, dot, factor, forward, times
 from wbc.qp.rows.compiled.work import VARIABLES, Work, bound_of, place_of, views, weighed
 from wbc.tolerances import MET, NOISE, ROUNDING
 from wbc.types import Vec
@@ -38,14 +38,12 @@ def reduce_base(at: int) -> bool:
     s = views(at)
     nu, ny = s.sizes[0], s.sizes[1]
     for i in range(nu):
-        for j in range(nu):
-            s.B[i, j] = s.G[i, j]
+        copy(s.G[i], s.B[i])
     if factor(s.B, 0, nu, 0.0):
         return False
     for i in range(nu):
-        x, row, pivot = s.X[i], s.G[i][nu:], s.B[i, i]
-        for c in range(ny + 1):
-            x[c] = row[c]
+        x, pivot = s.X[i], s.B[i, i]
+        copy(s.G[i][nu:], x)
         add_rows(-1.0, s.B[i], s.X, 0, i, ny + 1, x)
         for c in range(ny + 1):
             x[c] *= pivot
@@ -60,11 +58,9 @@ def reduce_base(at: int) -> bool:
 @small_kernel
 def reduced(s: Work, row: Vec, out: Vec) -> None:
     """A row of G in y alone."""
-    nu, ny = s.sizes[0], s.sizes[1]
-    own = row[nu:]
-    for c in range(ny + 1):
-        out[c] = own[c]
-    add_rows(-1.0, row, s.X, 0, nu, ny + 1, out)
+    nu = s.sizes[0]
+    copy(row[nu:], out)
+    add_rows(-1.0, row, s.X, 0, nu, len(out), out)
 
 
 @small_kernel
@@ -90,8 +86,7 @@ def write_row(s: Work, k: int, item: int) -> None:
     """An item as row k of E, with its bound on the right side."""
     nu, ny = s.sizes[0], s.sizes[1]
     if item < ny:
-        for c in range(ny + 1):
-            s.E[k, c] = 0.0
+        clear(s.E[k])
         s.E[k, item] = 1.0
     else:
         reduced(s, s.G[place_of(s, item) - nu - ny - 1], s.E[k])
@@ -116,8 +111,7 @@ def factor_metric(at: int) -> bool:
             out[c] = root * row[c] * s.free[c]
     for i in range(ny):
         out = s.H[i]
-        for c in range(i + 1):
-            out[c] = 0.0
+        clear(out[: i + 1])
         add_rows(1.0, s.F[:, i], s.F, 0, ns, i + 1, out)
         out[i] += s.metric[i] if s.free[i] != 0.0 else 1.0
     return bool(factor(s.H, 0, ny, _SINGULAR) == 0)
@@ -180,8 +174,7 @@ def place(at: int) -> None:
     nu, ny = s.sizes[0], s.sizes[1]
     for c in range(ny):
         s.value[nu + c] = s.centre[c] if s.free[c] != 0.0 else bound_of(s, c)
-    for k in range(len(s.lam)):
-        s.lam[k] = 0.0
+    clear(s.lam)
 
 
 @part
@@ -224,16 +217,14 @@ def step(at: int, is_first: bool) -> None:
         for i in range(first, m):
             s.rho[i] -= s.a[i]
     else:
-        for c in range(ny):
-            s.t[c] = 0.0
+        clear(s.t)
     forward(s.K, first, m, s.rho)
     backward(s.K, first, m, s.rho)
     for i in range(first, m):
         s.lam[i] += s.rho[i]
     add_rows(1.0, s.rho, s.F, first, m, ny, s.t)
     back(s, s.t)
-    for c in range(ny):
-        y[c] += s.t[c]
+    add(1.0, s.t, ny, y)
 
 
 @part

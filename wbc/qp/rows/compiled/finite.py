@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from math import inf, sqrt
 
-from wbc.compiled import part
+from wbc.compiled import copy, part
 from wbc.qp.rows.compiled.equality import (
     back,
     compliance,
@@ -28,7 +28,7 @@ from wbc.qp.rows.compiled.equality import (
     step,
     write_row,
 )  # fmt: skip
-from wbc.qp.rows.compiled.linear import add, add_rows, backward, dot, forward, remove, times
+from wbc.qp.rows.compiled.linear import add, add_rows, backward, clear, dot, forward, remove, times
 from wbc.qp.rows.compiled.verify import beyond, disproved, largest_push
 from wbc.qp.rows.compiled.work import FAILED, INFEASIBLE, SOLVED, is_fixed, place_of, views, weighed
 from wbc.tolerances import ROUNDING, SAME
@@ -52,8 +52,7 @@ def direction(at: int, item: int) -> float:
     write_row(s, m, item)
     half(s, s.E[m], s.F[m])
     s.length[m] = dot(s.F[m], s.F[m], ny)
-    for c in range(ny):
-        s.t[c] = s.F[m, c]
+    copy(s.F[m], s.t[:ny])
     for i in range(first, m):
         s.K[m, i] = s.rho[i] = 0.0
     room = s.length[m]
@@ -92,14 +91,13 @@ def hold(at: int, item: int) -> None:
 def let_go(at: int, j: int) -> None:
     """Row j of the factors is held no longer."""
     s = views(at)
-    ny, m = s.sizes[1], s.sizes[6]
+    m = s.sizes[6]
     s.side[s.item[j]] = 0.0
     remove(s.K, first_row(s), m, j)
     for i in range(j, m - 1):
         s.item[i], s.lam[i], s.length[i] = s.item[i + 1], s.lam[i + 1], s.length[i + 1]
-        for c in range(ny):
-            s.E[i, c], s.F[i, c] = s.E[i + 1, c], s.F[i + 1, c]
-        s.E[i, ny] = s.E[i + 1, ny]
+        copy(s.E[i + 1], s.E[i])
+        copy(s.F[i + 1], s.F[i])
     s.sizes[6] = m - 1
 
 
@@ -108,8 +106,7 @@ def start(at: int) -> bool:
     """Hold what is fixed and, of the best guess, what pushes the right way. False: M or K is singular."""
     s = views(at)
     ny, ns = s.sizes[1], weighed(s)
-    for item in range(len(s.side)):
-        s.side[item] = 0.0
+    clear(s.side)
     for c in range(ny):
         s.free[c] = 1.0
     if not factor_metric(at):
@@ -179,8 +176,7 @@ def admit(at: int, item: int) -> int:
                     blocking, first_stop = i, stop
         depends = m - ns >= ny or not room > SAME**2 * s.length[m]
         if depends and blocking < 0:
-            for i in range(len(s.push)):
-                s.push[i] = 0.0
+            clear(s.push)
             if item >= ny:
                 s.push[place_ - first_item] = sigma
             for i in range(ns, m):

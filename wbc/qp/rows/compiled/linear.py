@@ -29,6 +29,13 @@ def add(share: float, a: Vec, n: int, out: Vec) -> None:
 
 
 @small_kernel
+def clear(out: Vec) -> None:
+    """out := 0."""
+    for c in range(len(out)):
+        out[c] = 0.0
+
+
+@small_kernel
 def times(F: Mat, column: int, row: Vec, first: int, last: int, n: int, out: Vec) -> None:
     """out[j] = row · F[j] for first ≤ j < last, n entries of F[j] from ``column`` on, four at a time."""
     j = first

@@ -12,11 +12,11 @@ from __future__ import annotations
 
 from math import inf
 
-from wbc.compiled import part, small_kernel
+from wbc.compiled import copy, part, small_kernel
 from wbc.qp.rows.compiled.equality import evaluate, hold_guess, place, reduce_base, reduced, step
 from wbc.qp.rows.compiled.finite import finite
 from wbc.qp.rows.compiled.verify import certified, exchange, verify, weigh
-from wbc.qp.rows.compiled.work import FAILED, INACCURATE, SOLVED, Work, views
+from wbc.qp.rows.compiled.work import FAILED, INACCURATE, SOLVED, views
 from wbc.tolerances import SHARP
 from wbc.types import Vec
 
@@ -53,8 +53,7 @@ def prepare(at: int) -> bool:
         reduced(s, s.G[nu + nr + k], s.E[k])
         s.item[k] = -1
     for j in range(nu):
-        for c in range(ny + 1):
-            s.E[ns + j, c] = s.X[j, c]
+        copy(s.X[j], s.E[ns + j])
         s.item[ns + j] = -1
     for c in range(ny):
         nothing += 0.0 * s.centre[c]
@@ -66,26 +65,19 @@ def prepare(at: int) -> bool:
 
 
 @part
-def refined(at: int, wrong: int) -> int:
-    """Steps with the same working set while they help; how many items are wrong then."""
+def refined(at: int, is_first: bool) -> int:
+    """A step, and more with the same working set while they help; how many items are wrong then."""
     s = views(at)
-    for _ in range(_REFINED):
-        distance, held = s.proof[5], s.numbers[3]
-        if wrong or (distance <= SHARP and held <= 1.0):
-            break
-        step(at, False)
+    wrong, distance, held = 0, inf, inf
+    for k in range(1 + _REFINED):
+        step(at, is_first and k == 0)
         evaluate(at)
         wrong = verify(at)
-        if not (s.proof[5] <= 0.5 * distance or s.numbers[3] < 0.5 * held):
+        helps = s.proof[5] <= 0.5 * distance or s.numbers[2] < 0.5 * held
+        distance, held = s.proof[5], s.numbers[2]
+        if wrong or not helps or (distance <= SHARP and held <= 1.0):
             break
     return wrong
-
-
-@small_kernel
-def keep_guess(s: Work) -> None:
-    """The working set is the best guess so far."""
-    for item in range(len(s.side)):
-        s.best[item] = s.side[item]
 
 
 @part
@@ -93,22 +85,20 @@ def search(at: int) -> bool:
     """Guess, verify, exchange: whether that ends with a certified answer. The best guess is kept."""
     s = views(at)
     fewest, chances = len(s.side) + 1, _CHANCES
-    keep_guess(s)
+    copy(s.side, s.best)
     while s.sizes[7] < _GUESSES:
         s.sizes[7] += 1
         if not hold_guess(at):
             break
         place(at)
-        step(at, True)
-        evaluate(at)
-        wrong = refined(at, verify(at))
+        wrong = refined(at, True)
         if wrong == 0:
-            if s.numbers[3] <= 1.0 and certified(s):
+            if s.numbers[2] <= 1.0 and certified(s):
                 return True
             break
         if wrong < fewest:
             fewest, chances = wrong, _CHANCES
-            keep_guess(s)
+            copy(s.side, s.best)
         elif chances == 0:
             break
         else:
@@ -121,14 +111,9 @@ def search(at: int) -> bool:
 def decide(at: int) -> int:
     """The answer by the finite method, which also finds the proof that there is none."""
     found = finite(at)
-    s = views(at)
     if found == SOLVED:
-        step(at, False)
-        evaluate(at)
-        refined(at, verify(at))
-        if certified(s):
-            return SOLVED
-        return INACCURATE
+        refined(at, False)
+        return SOLVED if certified(views(at)) else INACCURATE
     return found
 
 
@@ -148,5 +133,6 @@ def answer_near(at: int) -> int:
     """The same for a guess that is nearly right: the finite method goes on from it."""
     if not prepare(at):
         return FAILED
-    keep_guess(views(at))
+    s = views(at)
+    copy(s.side, s.best)
     return decide(at)

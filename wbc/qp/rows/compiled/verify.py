@@ -22,9 +22,9 @@ from __future__ import annotations
 
 from math import inf, sqrt
 
-from wbc.compiled import entry, kernel, part, small_kernel
+from wbc.compiled import copy, entry, kernel, part, small_kernel
 from wbc.qp.rows.compiled.equality import first_row, reduce_base, reduced
-from wbc.qp.rows.compiled.linear import add, add_rows, backward, forward
+from wbc.qp.rows.compiled.linear import add, add_rows, backward, clear, forward
 from wbc.qp.rows.compiled.work import Work, is_fixed, place_of, views, weighed
 from wbc.tolerances import DISTANCE, MET, NEAR, ROUNDING
 
@@ -46,9 +46,8 @@ def weigh(s: Work) -> bool:
     """Weights over the unit, what they are the inverse of, and what a unit of distance is. False: no weights at all."""
     nu, ny, ns, unit, sound = s.sizes[0], s.sizes[1], s.sizes[3], s.unit[0], 0
     scale, reach = s.scale[nu:], s.reach[ns:]
-    s.numbers[0] = unit
     for k in range(ns + nu):
-        given = s.given[k] if k < ns else s.numbers[1]
+        given = s.given[k] if k < ns else s.numbers[0]
         if not 0.0 <= given < inf:
             return False
         s.weights[k] = given / unit
@@ -93,7 +92,7 @@ def known_spread(s: Work) -> float:
     for k in range(n_soft):
         rho = s.value[n + 1 + first_soft + k] - s.push[first_soft + k] * s.compliance[k]
         square += rho * rho * s.weights[k]
-    return sqrt(s.numbers[0] * square)
+    return sqrt(s.unit[0] * square)
 
 
 @part
@@ -106,7 +105,7 @@ def certify(at: int) -> bool:
     s = views(at)
     n_u, n_y, n_range, n_soft = s.sizes[0], s.sizes[1], s.sizes[2], s.sizes[3]
     n, first_soft, rows = n_u + n_y, n_u + n_range, len(s.G)
-    items, first_equal, unit, regular = n + 1, first_soft + n_soft, s.numbers[0], s.numbers[1] / s.numbers[0]
+    items, first_equal, unit, regular = n + 1, first_soft + n_soft, s.unit[0], s.numbers[0] / s.unit[0]
     push, value, z = s.push, s.value, s.z
     primal, gap, largest, cost = 0.0, 0.0, 0.0, 0.0
     for i in range(n_u):
@@ -131,16 +130,14 @@ def certify(at: int) -> bool:
         z[c] = regular * value[c] if c < n_u else 0.0
     add_rows(1.0, push, s.G, n_u, rows, n, z)
     for _ in range(2 if n_u else 0):
-        for c in range(n_u):
-            s.base[c] = z[c]
+        copy(z, s.base)
         add_rows(1.0, push, s.G, 0, n_u, n_u, s.base)
         forward(s.B, 0, n_u, s.base)
         backward(s.B, 0, n_u, s.base)
         for c in range(n_u):
             push[c] -= s.base[c]
     add_rows(1.0, push, s.G, 0, n_u, n, z)
-    for c in range(n_u):
-        z[c] = 0.0
+    clear(z[:n_u])
     of_rows = value[items:]
     for i in range(rows):
         largest = max(largest, abs(push[i]))
@@ -164,7 +161,7 @@ def certify(at: int) -> bool:
         dual = dual if abs(left) <= dual else abs(left)
         square += left * left / s.metric[j]
         share = s.reach[n_soft + j] / (1.0 + abs(value[c] * s.scale[c]))
-        if unit * s.metric[j] <= ALONE * s.numbers[1]:
+        if unit * s.metric[j] <= ALONE * s.numbers[0]:
             alone = max(alone, DISTANCE * MET * share)
         else:
             distance = max(distance, share)
@@ -178,7 +175,7 @@ def certify(at: int) -> bool:
     known = spread if not alone * spread > DISTANCE * MET else known_spread(s)
     s.proof[5], s.proof[6] = max(distance * spread, alone * known), spread
     distance = max(distance, alone)
-    s.numbers[2] = MET / (sqrt(unit) * distance) if distance > 0.0 else 0.0
+    s.numbers[1] = MET / (sqrt(unit) * distance) if distance > 0.0 else 0.0
     return certified(s)
 
 
@@ -226,7 +223,7 @@ def largest_push(s: Work) -> float:
 @small_kernel
 def pushes_wrong(s: Work, push: float, side: float, length: float, largest: float) -> bool:
     """Whether to leave this push out would move the answer, and it is not rounding of the others."""
-    return bool(push * side * length > max(ROUNDING * largest, _WORTHLESS * s.numbers[2]))
+    return bool(push * side * length > max(ROUNDING * largest, _WORTHLESS * s.numbers[1]))
 
 
 @small_kernel
@@ -240,14 +237,14 @@ def doubt(s: Work, item: int) -> float:
         reduced(s, s.G[place_of(s, item) - nu - ny - 1], s.t)
         for c in range(ny):
             square += s.t[c] * s.t[c] / s.metric[c]
-    return float(sqrt(square / s.numbers[0]) * s.proof[6])
+    return float(sqrt(square / s.unit[0]) * s.proof[6])
 
 
 @part
 def verify(at: int) -> int:
     """Certify the answer with the pushes of the working set that have the right sign; how many items are wrong.
 
-    These are marked in ``wrong``; ``numbers[3]`` is what held rows are off by, beside what counts. While all pushes
+    These are marked in ``wrong``; ``numbers[2]`` is what held rows are off by, beside what counts. While all pushes
     have the right sign, an item that is broken by less than the answer is uncertain is not wrong: refining tells.
     """
     s = views(at)
@@ -257,8 +254,7 @@ def verify(at: int) -> int:
         for k in range(ns):
             s.lam[k] = -s.weights[k] * s.value[first_item + first_soft + k]
     largest, count = largest_push(s), 0
-    for i in range(len(s.G)):
-        s.push[i] = 0.0
+    clear(s.push)
     for k in range(ns):
         s.push[first_soft + k] = -s.lam[k]
     for i in range(first_held, m):
@@ -266,8 +262,7 @@ def verify(at: int) -> int:
         if item >= ny and (is_fixed(s, item) or s.lam[i] * s.side[item] < 0.0):
             s.push[place_of(s, item) - first_item] = -s.lam[i]
     certify(at)
-    for item in range(len(s.side)):
-        s.wrong[item] = 0.0
+    clear(s.wrong)
     for i in range(first_held, m):
         item = s.item[i]
         if item >= ny and not is_fixed(s, item):
@@ -279,11 +274,11 @@ def verify(at: int) -> int:
             if pushes_wrong(s, s.left[c], s.side[c], 1.0 / sqrt(s.metric[c]), largest):
                 count += 1
                 s.wrong[c] = 1.0
-    s.numbers[3], push_right = 0.0, count == 0
+    s.numbers[2], push_right = 0.0, count == 0
     for item in range(len(s.side)):
         by = beyond(s, item)
         if s.side[item] != 0.0:
-            s.numbers[3] = max(s.numbers[3], by)
+            s.numbers[2] = max(s.numbers[2], by)
         elif not by <= 1.0 and not (push_right and by * what_counts(s, item) <= doubt(s, item)):
             count += 1
             s.wrong[item] = 1.0
@@ -313,10 +308,8 @@ def disproved(at: int) -> bool:
     nu, ny = s.sizes[0], s.sizes[1]
     n, first_item = nu + ny, nu + ny + 1
     constant, support, size, left, forces = 0.0, 0.0, 0.0, 0.0, 0.0
-    for c in range(nu):
-        s.base[c] = 0.0
-    for c in range(ny):
-        s.z[nu + c] = 0.0
+    clear(s.base)
+    clear(s.z[nu:])
     for item in range(ny, len(s.side)):
         place = place_of(s, item)
         row, force = s.G[place - first_item], s.push[place - first_item]

@@ -38,7 +38,7 @@ class Work(NamedTuple):
     z: Annotated[Vec, "n"]  # those of the bounds
     left: Annotated[Vec, "n_y"]  # what they leave of the gradient
     proof: Annotated[Vec, "7"]  # primal, dual, gap, scales of the two, distance, spread
-    numbers: Annotated[Vec, "4"]  # unit | regularisation | what is near enough | held rows, beside what counts
+    numbers: Annotated[Vec, "3"]  # regularisation | what is near enough | held rows, beside what counts
     sizes: Annotated[Index, "9"]  # n_u, n_y, n_range, n_soft, n_equal, form | rows of E, guesses, steps
     side: Annotated[Vec, "m"]  # +1 held at the upper bound, −1 at the lower, 0 free
     best: Annotated[Vec, "m"]  # the best guess
