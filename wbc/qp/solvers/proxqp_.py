@@ -28,9 +28,10 @@ class ProxQpSession(KeptSession):
         self._data: tuple[Vec | None, ...] = ()
 
     def _write(self, qp: QP) -> bool:
+        m, (low, high) = len(qp.lower), np.clip(qp.sides, -INFINITY, INFINITY)
         A, b = (qp.A, qp.b) if qp.n_eq else (None, None)
-        C, cl, cu = (qp.C, _bounded(qp.cl), _bounded(qp.cu)) if self.shape.n_in else (None, None, None)
-        self._data = (qp.H, qp.g, A, b, C, cl, cu, _bounded(qp.lb), _bounded(qp.ub))
+        C, cl, cu = (qp.C, low[qp.n_eq : m], high[qp.n_eq : m]) if self.shape.n_in else (None, None, None)
+        self._data = (qp.H, qp.g, A, b, C, cl, cu, low[m:], high[m:])
         return True
 
     def _make(self, qp: QP) -> Any:
@@ -89,7 +90,3 @@ class ProxQp(Solver):
     eps_abs: float = ACCURACY
     max_iter: int = 100
     max_iter_in: int = 50
-
-
-def _bounded(values: Vec) -> Vec:
-    return np.clip(values, -INFINITY, INFINITY)
