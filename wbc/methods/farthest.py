@@ -28,7 +28,7 @@ numerically stable dual method for solving strictly convex quadratic programs, M
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple, final
+from typing import final
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -63,13 +63,6 @@ class Farthest:
         return result
 
 
-class _Event(NamedTuple):
-    """What ends a step of this length, a pair: the multiplier at this place is zero, or (``None``) the row is met."""
-
-    step: Vec
-    place: int | None
-
-
 def farthest(start: Vec, F: Mat, lower: Vec, upper: Vec, slope: Vec, *, terms: float = 0.0) -> Farthest | None:
     """The u (k,) of largest ``slope`` · u, then of least norm, with lower ≤ start + F u ≤ upper.
 
@@ -78,8 +71,9 @@ def farthest(start: Vec, F: Mat, lower: Vec, upper: Vec, slope: Vec, *, terms: f
     known to their rounding. ``None``: multipliers prove that there is no such u.
     """
     search, m = _Search((start, max(terms, float(np.linalg.norm(start)))), F, (lower, upper), slope), len(start)
-    if not search.run():
-        return None
+    while (row := search.violated()) is not None:
+        if not search.joined(row):
+            return None
     pushes, low, high, values = np.zeros((2 * m, 2)), -search.limit[m:], search.limit[:m], search.z[:, 1].copy()
     pushes[search.held] = search.y
     for row in search.held:
@@ -91,7 +85,7 @@ def farthest(start: Vec, F: Mat, lower: Vec, upper: Vec, slope: Vec, *, terms: f
 
 @final
 class _Search:
-    """The method on rows z = start + F u and the cost ½ |u|² − μ slope · u."""
+    """Rows that are held, of z = start + F u and the cost ½ |u|² − μ slope · u, and the steps that change them."""
 
     def __init__(self, start: tuple[Vec, float], F: Mat, limits: tuple[Vec, Vec], slope: Vec) -> None:
         (self.start, self.terms), self.F, self.slope = start, F, slope
@@ -99,13 +93,6 @@ class _Search:
         self.limit = np.concatenate([limits[1], -limits[0]])
         self.held: list[int] = []
         self._hold()
-
-    def run(self) -> bool:
-        """Rows join and leave until none is violated; whether that is possible."""
-        while (row := self._violated()) is not None:
-            if not self._joined(row):
-                return False
-        return True
 
     # ---- what follows from the rows held
     def _hold(self) -> None:
@@ -144,7 +131,7 @@ class _Search:
         return d, r
 
     # ---- steps
-    def _violated(self) -> int | None:
+    def violated(self) -> int | None:
         """The row that is violated most; ``None`` where none is."""
         growth, at = self.G @ self.u[:, 0], np.concatenate([self.z[:, 1], -self.z[:, 1]])
         finite = np.isfinite(self.limit)
@@ -156,7 +143,7 @@ class _Search:
         row = int(beyond.argmax()) if len(beyond) else 0
         return row if len(beyond) and beyond[row] > 0.0 else None
 
-    def _joined(self, row: int) -> bool:
+    def joined(self, row: int) -> bool:
         """Whether the row could be met: it joins the set, or is violated by what is rounding."""
         normal, before = self.G[row], list(self.held)
         violation = np.array([normal @ self.u[:, 0], normal @ self.u[:, 1] - self._room()[row]])
@@ -165,17 +152,21 @@ class _Search:
             event = self._first(r, violation, float(rest @ rest))
             if event is None:
                 return self._relax(row, r, violation[1], before)
-            if event.place is None:
+            step, place = event
+            if place is None:
                 self.held.append(row)
                 self._hold()
                 return True
-            self.y = _settled(np.delete(self.y - np.outer(r, event.step), event.place, axis=0))
-            violation = violation - float(rest @ rest) * event.step
-            self.held.pop(event.place)
+            self.y = _settled(np.delete(self.y - np.outer(r, step), place, axis=0))
+            violation = violation - float(rest @ rest) * step
+            self.held.pop(place)
             self.Q, self.R = np.linalg.qr(self.G[self.held].T)
 
-    def _first(self, r: Vec, violation: Vec, square: float) -> _Event | None:
-        """The first event as the multiplier of the new row grows; ``None`` where there is none."""
+    def _first(self, r: Vec, violation: Vec, square: float) -> tuple[Vec, int | None] | None:
+        """The first event as the multiplier of the new row grows; ``None`` where there is none.
+
+        Its step, a pair, and the place whose multiplier is zero then, or (``None``) the row is met.
+        """
         shrinks = (r > ROUNDING * (1.0 + np.abs(r).sum())).nonzero()[0]
         places: list[int | None] = [*(int(i) for i in shrinks)]
         steps, rates = self.y[shrinks], r[shrinks]
@@ -187,7 +178,7 @@ class _Search:
         known = ends[:, 0] + ROUNDING * (1.0 + np.abs(self.y[:, 0]).sum()) / rates
         ties = ends[:, 0] - ROUNDING * (1.0 + np.abs(self.y[:, 0]).sum()) / rates <= known.min()
         first = int(np.where(ties, ends[:, 1], np.inf).argmin())
-        return _Event(ends[first], places[first])
+        return ends[first], places[first]
 
     def _relax(self, row: int, r: Vec, violation: float, before: list[int]) -> bool:
         """Rows that contradict each other are relaxed by equal parts of their sizes, if these are small enough.
