@@ -10,7 +10,7 @@ from __future__ import annotations
 from math import inf, sqrt
 from typing import Annotated, NamedTuple
 
-from wbc.compiled import Layout, carray, copy, entry, floats, part
+from wbc.compiled import Layout, carray, clear, copy, entry, floats, part
 from wbc.qp.lexicographic.compiled.proof import certify
 from wbc.qp.lexicographic.compiled.search import solve_level
 from wbc.qp.lexicographic.compiled.space import (
@@ -215,8 +215,10 @@ def decide(at: int, k: int, begins: bool) -> int:
     counts = w.sizes[LAST] != 0
     for i in range(w.sizes[HELD]):
         counts = counts or w.holds[i] != 0.0
-    for item in range(w.sizes[ITEMS]):  # what holds nothing back would be moved to its bounds in the next tick, for
-        r.sides[k, item] = w.side[item] if counts else 0.0  # nothing; beside what does, it keeps the others there
+    if counts:
+        copy(w.side, r.sides[k])
+    else:  # what holds nothing back would be moved to its bounds in the next tick, for nothing
+        clear(r.sides[k])
     if w.sizes[LAST]:  # what held a level back is one value in the last problem
         for item in range(w.sizes[ITEMS]):
             if w.kept[item] != 0.0:
