@@ -243,6 +243,34 @@ def test_scaled_tasks_are_saturation_in_the_null_space_level_by_level(seed: int)
         np.testing.assert_allclose(J @ command.v, known.scales[1] * wanted, atol=1e-3 * np.linalg.norm(wanted))
 
 
+@given(seed=SEEDS)
+def test_what_a_scaled_task_gives_up_costs_its_weight_and_nothing_more(seed: int) -> None:
+    """min ½ w (1 − s)² ‖t‖² + ½ ω ‖v − p‖²  subject to  J v = s t, 0 ≤ s ≤ 1, by the conditions of optimality alone."""
+    rng = np.random.default_rng(seed)
+    heavy, light = 10.0 ** rng.uniform(-2.0, 2.0, 2)
+    goal = Position("tool", target=rng.normal(size=3), weight=heavy).scaled()
+    command, controller = tick(ARM, wbc.Stack([goal, Posture(rng.normal(size=ARM.nj), weight=light)]))
+    problem, n = controller.plan.problem, ARM.nv
+    (reach, posture) = problem.levels[0]
+    J, t, p = problem.G[reach.rows, :n], reach.wanted, posture.wanted
+    found = np.zeros(n + 1)
+    for fixed in (None, 0.0, 1.0):  # the cost is convex in s: where its least is outside, the nearer end is
+        held = np.zeros((0 if fixed is None else 1, n + 1))
+        held[:, n] = 1.0
+        rows, sides = np.vstack([np.column_stack([J, -t]), held]), np.append(np.zeros(3), [fixed] * len(held))
+        H = np.diag(np.append(np.full(n, light), heavy * t @ t))
+        g = -np.append(light * p, heavy * t @ t)
+        system = np.block([[H, rows.T], [rows, np.zeros((len(rows), len(rows)))]])
+        end = np.linalg.solve(system, np.append(-g, sides.astype(float)))[: n + 1]
+        if fixed is None:
+            found, wanted = end, float(np.clip(end[n], 0.0, 1.0))
+        elif found[n] != wanted and fixed == wanted:
+            found = end
+    assert command.status.ok
+    np.testing.assert_allclose(command.v, found[:n], atol=1e-5 * (1.0 + np.abs(found[:n]).max()))
+    assert {"Posture", "share of Position[tool]"} <= {*command.certificate.bounds}
+
+
 @pytest.mark.parametrize("hierarchy", [wbc.Weighted(), wbc.Strict(), wbc.Scaled()], ids=str)
 @pytest.mark.parametrize("level", [SPEED, wbc.AccelerationLevel(), wbc.InverseDynamics()], ids=lambda level: level.name)
 def test_a_scaled_task_keeps_its_direction_at_every_level_under_every_hierarchy(hierarchy, level) -> None:

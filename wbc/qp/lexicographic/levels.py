@@ -70,14 +70,17 @@ class Levels:
             if pull is not None:
                 table[k, 2:4], share[k] = (len(pull.weights), pull.columns.start), pull.share
                 table[k, 4:] = address_of(pull.weights), address_of(pull.wanted)
-        # What a report is made of stands in one piece: how each level came out, what is left of each row, its weight.
-        self._report = np.zeros(2 + 5 * count + 2 * p.n_rows)
-        worst, found, left, root = np.split(self._report, (2, 2 + 5 * count, 2 + 5 * count + p.n_rows))
+        # What a report is made of stands in one piece: how each level came out, what is left of each row, its weight,
+        # and how far unknowns can be off.
+        behind = 2 + 5 * count + p.n_rows
+        self._report = np.zeros(behind + p.n_rows + items)
+        worst, found, left, root, pulled = np.split(self._report, (2, 2 + 5 * count, behind, behind + p.n_rows))
         self._work = np.zeros(14, dtype=np.int64)
         self._work[:5] = count, p.n_rows, len(p.value), items, self._memory.address
         ranking = RANKINGS.arrays(
-            self._work, level=table, share=share, unit=np.ones(count), root=root, left=left, found=found, worst=worst
-        )
+            self._work, level=table, share=share, unit=np.ones(count), root=root, left=left, found=found, worst=worst,
+            pulled=pulled,
+        )  # fmt: skip
         self._sides, self._ranking = ranking.sides, Memory(*ranking)
         staged.links[[LEVELS_AT, CORE_AT]] = self._ranking.address, self.core.address
         self._places = self.core.places[:items]
@@ -185,7 +188,8 @@ class Report:
         outcomes = list[Outcome]()
         count, last = len(self._staged.stages), len(self._staged.stages) - 1
         found, behind = np.split(self._numbers[2:], (5 * count,))
-        left, root = np.split(behind, 2)
+        n_rows, n_u = self._staged.problem.n_rows, self._staged.problem.n_u
+        left, root, pulled = np.split(behind, (n_rows, 2 * n_rows))
         for k, (stage, place) in enumerate(zip(self._staged.stages, self._staged.rows, strict=True)):
             names = tuple(str(part) for part in stage)
             how, length, primal, off, distance = found[5 * k : 5 * k + 5].tolist()
@@ -198,6 +202,10 @@ class Report:
             with np.errstate(divide="ignore", invalid="ignore"):
                 reach = np.abs(left[place]) if off < 0.0 else np.where(root[place] > 0.0, off / root[place], 0.0)
             bounds = {name: float(reach[rows].max(initial=0.0)) for name, rows in self._staged.parts[k].items()}
+            for task in self._staged.problem.levels[0] if k == last else ():
+                if task.unknowns is not None:
+                    columns = slice(task.unknowns.start - n_u, task.unknowns.stop - n_u)
+                    bounds[task.name] = float(pulled[columns].max(initial=0.0))
             proof = Certificate(primal, 0.0, 0.0, distance=distance, bounds=bounds)
             outcomes.append(Outcome(names, "met" if how == IS_MET else "optimal", length, proof))
         return tuple(outcomes)

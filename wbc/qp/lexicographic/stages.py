@@ -12,6 +12,8 @@ rows of a large and of a small task are alike, and two kinds of rows:
 
     direction   J x + drift − (1 − σ / ‖t‖∞) t = 0      the rest is done along t, in full or in part
     share       σ = 0, of weight (‖t‖_w / ‖t‖∞)²        nothing is given up
+
+In the last stage the share is no row: σ has this weight in the metric.
 """
 
 from __future__ import annotations
@@ -45,7 +47,7 @@ class StagedProblem:
         self._shares = {id(task): source.n + i for i, task in enumerate(scaled)}
         upper = list(stages[:-1])
         # The unknowns that the last stage pulls on are in its metric and need no rows.
-        last = [part for part in stages[-1] if part.kind == "share" or part.task.rows is not None]
+        last = [part for part in stages[-1] if part.kind == "whole" and part.task.rows is not None]
         every = [*upper, last]
         sizes = [sum(_size(part) for part in stage) for stage in every]
         self.problem = p = RowProblem(
@@ -58,11 +60,11 @@ class StagedProblem:
         self.rows = [*[slice(a, b) for a, b in pairwise(stops.tolist())][::-1], p.soft]
         #: Rows of each task within its stage.
         self.parts = [_places(stage) for stage in every]
-        p.levels = [self._last_tasks(last)]
         start = source.item(source.soft.start), p.item(p.soft.start)
         for side, mine in ((source.lower, p.lower), (source.upper, p.upper)):
             mine[p.n + 1 : start[1]] = side[source.n + 1 : start[0]]
         self._place(every, scaled)
+        p.levels = [self._last_tasks(last)]
 
     def _names(self, stages: Sequence[Stage], scaled: Sequence[RowTask]) -> list[Row]:
         source = self.source
@@ -113,6 +115,7 @@ class StagedProblem:
                     pulls += zip(range(at.start, at.stop), range(source.n)[task.unknowns], wanted.tolist(), strict=True)
         self.links = np.zeros(4, dtype=np.int64)
         sizes = [source.n, source.n_y, source.n_rows, p.n_rows, len(pulls), len(divided)]
+        self._share = share
         self._memory = Memory(*LAYOUT.arrays(
             np.array(sizes, dtype=np.int64), G=source.G, value=source.value, lower=source.lower, upper=source.upper,
             metric=source.metric, centre=source.centre, scale=source.scale, row=row_of, weight=weight,
@@ -128,8 +131,14 @@ class StagedProblem:
             rows = slice(p.soft.start + place.start, p.soft.start + place.stop)
             one = np.ones(place.stop - place.start)
             found.append(RowTask(str(part), rows, None, one, one, one))
-        pulling = [part.task for part in self.stages[-1] if part.kind != "share" and part.task.rows is None]
-        return found + pulling
+        for part in self.stages[-1]:
+            if part.kind == "share":
+                column = self._shares[id(part.task)]
+                one, weight = np.zeros(1), self._share[column - self.source.n :][:1]
+                found.append(RowTask(str(part), None, slice(column, column + 1), weight, one, one))
+            elif part.task.rows is None:
+                found.append(part.task)
+        return found
 
     @property
     def first(self) -> int:

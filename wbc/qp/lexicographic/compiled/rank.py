@@ -64,6 +64,7 @@ class Ranking(NamedTuple):
     left: Annotated[Vec, "rows"]  # what was left of a row when its level was held
     unmet: Annotated[Vec, "count"]  # 1 where that counts
     found: Annotated[Mat, "count, 5"]  # how it came out, what is left, beyond bounds, distance over weight, relative
+    pulled: Annotated[Vec, "m"]  # how far each unknown can be from the optimum of the last level
     worst: Annotated[Vec, "2"]  # beyond bounds, relative distance; without the last level if the core decided that
     best: Annotated[Vec, "values"]  # the last good answer
     sizes: Annotated[Index, "14"]  # see below
@@ -141,9 +142,10 @@ def prove(at: int, k: int) -> None:
         if r.root[row] > 0.0:
             far = max(far, off / r.root[row] / r.size[row])
     for c in range(w.sizes[N] if w.sizes[LAST] else 0):  # tasks on joints are in the metric
+        scale = s.scale[s.sizes[0] + c]
+        r.pulled[c] = off * w.root[c] * scale
         if s.unit[0] * s.metric[c] > ALONE * s.numbers[0]:
-            scale = s.scale[s.sizes[0] + c]
-            far = max(far, off * w.root[c] * scale / (1.0 + abs(s.value[s.sizes[0] + c]) * scale))
+            far = max(far, r.pulled[c] / (1.0 + abs(s.value[s.sizes[0] + c]) * scale))
     r.found[k, 0], r.found[k, 1], r.found[k, 2] = IS_LEAST, sqrt(r.unit[k] * square), w.proof[0]
     r.found[k, 3], r.found[k, 4] = off, far if off < inf else inf
 

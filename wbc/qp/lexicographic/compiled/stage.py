@@ -38,7 +38,7 @@ LAYOUT = Layout(Stages, few="sizes[0]", source_y="sizes[1]", source_rows="sizes[
 stages = LAYOUT.views
 
 #: What is done in part: its first row of direction, or −1, how many there are, the unknown that says what is given up,
-#: addresses of what is wanted, drift and weights, and the row of its share, or −1.
+#: addresses of what is wanted, drift and weights, and the row of its share, −1 where that is in the metric.
 _ROW, _DIM, _UNKNOWN, _WANTED, _DRIFT, _WEIGHTS, _SHARE = range(7)
 #: Addresses of the memory of the levels and of the core; the level that is hoped to be the first that is not met, and
 #: the one that was tried first.
@@ -64,9 +64,12 @@ def divide(s: Stages, i: int) -> None:
         p.lower[unknown], p.upper[unknown] = 0.0, largest
         for j in range(dim):
             p.G[part[_ROW] + j, unknown] = (wanted[j] + drift[j]) / largest
+    s.share[i] = (max(sqrt(square), MET) / largest) ** 2 if heaviest > 0.0 else 0.0
+    p.centre[unknown - p.sizes[0]] = 0.0
     if part[_SHARE] >= 0:
         p.G[part[_SHARE], unknown] = 1.0
-        s.share[i] = (max(sqrt(square), MET) / largest) ** 2 if heaviest > 0.0 else 0.0
+    else:
+        p.metric[unknown - p.sizes[0]] = max(s.share[i], p.numbers[0]) / p.unit[0]
 
 
 @kernel
