@@ -10,7 +10,7 @@ from __future__ import annotations
 from math import inf, sqrt
 from typing import Annotated, NamedTuple
 
-from wbc.compiled import Layout, carray, clear, copy, entry, floats, part
+from wbc.compiled import Layout, carray, copy, entry, floats, part
 from wbc.qp.lexicographic.compiled.proof import certify
 from wbc.qp.lexicographic.compiled.search import solve_level
 from wbc.qp.lexicographic.compiled.space import (
