@@ -37,6 +37,20 @@ def test_a_row_that_nothing_can_meet_stands_alone():
     assert "cannot be met at all" in str(found)
 
 
+@given(seed=st.integers(0, 2**32 - 1))
+def test_rows_in_units_that_are_decades_apart_are_all_named(seed):
+    """Independent rows and one that depends on all of them, each in a unit of its own; the row misses by ``gap``."""
+    rng = np.random.default_rng(seed)
+    n, gap = int(rng.integers(2, 5)), 1e4
+    rows, most, share = rng.normal(size=(n, n)) + 2.0 * np.eye(n), rng.normal(size=n), rng.uniform(0.5, 2.0, n)
+    unit = 10.0 ** rng.uniform(-5.0, 5.0, n + 1)
+    C, cu = np.vstack([rows, -share @ rows]), np.append(most, -share @ most - gap)
+    found = conflict(QP(np.eye(n), np.zeros(n), C=C * unit[:, None], cu=cu * unit))
+    assert found is not None and found.items == tuple(range(n + 1))
+    expected = gap * unit / np.append(share, 1.0)
+    np.testing.assert_allclose([give.amount for give in found.gives], expected, rtol=1e-6)
+
+
 def test_what_physics_decides_is_not_named_and_does_not_give():
     rows = [("base dynamics", "fz", "N"), ("limit", "a", "N"), ("limit", "b", "N")]
     qp = QP(np.eye(2), [0.0, 0.0], A=[[1.0, 1.0]], b=[5.0], ub=[1.0, 2.0], rows=rows)

@@ -42,12 +42,15 @@ def contradiction(qp: QP, tolerance: float) -> Vec | None:
         >>> contradiction(qp, 1e-6).round(6)
         array([-0.5,  1. ])
     """
+    length = np.append(np.linalg.norm(qp.matrix, axis=1), np.ones(qp.n))
+    length[length == 0.0] = 1.0
     for units in (_column_units(qp), np.ones(qp.n)):
         answer = _nearest(qp, units)
         if answer.status is not Status.INFEASIBLE:
             continue
         push = np.concatenate([answer.y, answer.z, answer.z_box])
-        push[np.abs(push) <= SAME * np.abs(push).max()] = 0.0
+        pull = np.abs(push) * length
+        push[pull <= SAME * pull.max()] = 0.0
         with np.errstate(all="ignore"):
             push /= np.abs(push).max()
         if contradicts(qp, push, tolerance):
