@@ -116,12 +116,10 @@ class Command:
 
     def __getstate__(self) -> dict[str, Any]:
         """The values alone: a copy, or a pickle, is apart from the controller."""
-        values = {name: getattr(self, name) for name in ("fallback_level", "status")}
-        values |= {
-            f"_{name}": getattr(self, name) for name in ("certificate", "levels", "tau", "a", "v", "q", "f", "forces")
-        }
-        kept = ("_before", "_solution")
-        return values | {name: getattr(self, name) for name in kept} | {"_controller": None, "_serial": -1}
+        made = ("certificate", "levels", "tau", "a", "v", "q", "f", "forces")
+        kept = ("_before", "_solution", "fallback_level", "status")
+        values = {f"_{name}": getattr(self, name) for name in made} | {name: getattr(self, name) for name in kept}
+        return values | {"_controller": None, "_serial": -1}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         for name, value in state.items():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -55,7 +54,7 @@ def plain(where: str, value: Any) -> Any:
     Raises:
         InvalidInput: json has no such type.
     """
-    if isinstance(value, Mapping | MappingProxyType):
+    if isinstance(value, Mapping):
         return {str(key): plain(f"{where}[{key!r}]", item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [plain(f"{where}[{k}]", item) for k, item in enumerate(value)]

@@ -239,7 +239,10 @@ class _Search:
         last = 0
         for k in range(steps + 1):
             command = controller.tick(_DT * k, q, still)
-            found = self._judged(q) if command.status is not Status.FAILED else self._failed(q)
+            if command.status is Status.FAILED:  # a member cannot be evaluated here
+                found = _Found(q, controller.plan.errors(), np.inf, controller.why)
+            else:
+                found = self._judged(q)
             if best is None or found.missed <= 1.0 or found < best:
                 best, last = found, k
             met = found.missed <= 1.0 and len(self._levels) == 1
@@ -249,10 +252,6 @@ class _Search:
             q = command.q
         assert best is not None, "there is a step"
         return replace(best, steps=k)
-
-    def _failed(self, q: Vec) -> _Found:
-        """A configuration that a member cannot be evaluated in."""
-        return _Found(q, self._controller.plan.errors(), np.inf, self._controller.why)
 
     def _judged(self, q: Vec) -> _Found:
         """What the configuration filled last misses."""

@@ -250,8 +250,8 @@ class Recorder:
     """
 
     __slots__ = (
-        "_full", "_integers", "_number_names", "_numbers", "_pick_numbers", "_pick_vectors", "_place", "_sizes",
-        "_ticks", "_vector_names", "_vectors", "capacity", "rows",
+        "_full", "_integers", "_numbers", "_pick_numbers", "_pick_vectors", "_place", "_sizes", "_ticks", "_vectors",
+        "capacity", "rows",
     )  # fmt: skip
 
     def __init__(self, capacity: int) -> None:
@@ -266,13 +266,7 @@ class Recorder:
         # All numbers of a row lie side by side, so that an ordinary row is two copies, not one for each column.
         self._numbers: Mat = np.empty((self.capacity, 0))
         self._vectors: Mat = np.empty((self.capacity, 0))
-        self._number_names: list[str] = []
-        self._vector_names: list[str] = []
-        self._integers: frozenset[str] = frozenset()
-        self._sizes: list[int] = []
         self._place: dict[str, tuple[bool, slice]] = {}
-        self._pick_numbers: Callable[[Row], tuple[float, ...]] = _nothing
-        self._pick_vectors: Callable[[Row], tuple[Vec, ...]] = _nothing
         self._ticks: Ticks | None = None
 
     def tick(self, controller: Controller | Setpoint, t: float, q: Vec, v: Vec, **more: float | Vec) -> Command:
@@ -383,21 +377,19 @@ class Recorder:
         return run
 
     def _lay_out(self, row: Row) -> None:
-        self._number_names = [name for name, value in row.items() if np.ndim(value) == 0]
-        self._vector_names = [name for name, value in row.items() if np.ndim(value) == 1]
+        numbers, vectors = ([name for name, value in row.items() if np.ndim(value) == ndim] for ndim in (0, 1))
         odd = [name for name, value in row.items() if np.ndim(value) > 1]
         if odd:
             raise InvalidInput(f"column {odd[0]!r} has shape {np.shape(row[odd[0]])}; a value is a number or (k,)")
-        self._integers = frozenset(n for n in self._number_names if isinstance(row[n], int | np.integer))
-        self._sizes = [len(np.asarray(row[name])) for name in self._vector_names]
-        ends = np.cumsum(self._sizes, dtype=int)
-        slices = {n: slice(int(e) - s, int(e)) for n, e, s in zip(self._vector_names, ends, self._sizes, strict=True)}
-        numbers = {n: slice(k, k + 1) for k, n in enumerate(self._number_names)}
-        self._place = {n: (n in numbers, numbers[n] if n in numbers else slices[n]) for n in row}
+        self._integers = frozenset(name for name in numbers if isinstance(row[name], int | np.integer))
+        self._sizes = [len(np.asarray(row[name])) for name in vectors]
+        places = {name: (True, slice(k, k + 1)) for k, name in enumerate(numbers)}
+        for name, size, end in zip(vectors, self._sizes, np.cumsum(self._sizes).tolist(), strict=True):
+            places[name] = False, slice(end - size, end)
+        self._place = {name: places[name] for name in row}
         self._numbers = np.empty((self.capacity, len(numbers)))
         self._vectors = np.empty((self.capacity, sum(self._sizes)))
-        self._pick_numbers = _getter(self._number_names)
-        self._pick_vectors = _getter(self._vector_names)
+        self._pick_numbers, self._pick_vectors = _getter(numbers), _getter(vectors)
 
     def _append_slowly(self, i: int, row: Row) -> None:
         values = {name: self._checked(name, value) for name, value in row.items()}
@@ -440,18 +432,10 @@ def _whole(values: Vec) -> Column:
     return np.where(missing, MISSING_INTEGER, values).astype(np.int64)
 
 
-def _nothing(row: Row) -> tuple[Any, ...]:
-    del row
-    return ()
-
-
 def _getter(names: list[str]) -> Callable[[Row], tuple[Any, ...]]:
     """itemgetter that answers with a tuple for any number of names."""
-    if not names:
-        return _nothing
-    if len(names) == 1:
-        only = names[0]
-        return lambda row: (row[only],)
+    if len(names) < 2:
+        return lambda row: tuple(row[name] for name in names)
     return itemgetter(*names)
 
 

@@ -24,7 +24,7 @@ from typing import NamedTuple, final
 import numpy as np
 
 from wbc import checks
-from wbc.errors import InvalidInput, MemberFailed
+from wbc.errors import MemberFailed
 
 #: How many of the last durations, periods and latenesses statistics are made of.
 KEPT = 10_000
@@ -58,8 +58,7 @@ class Watchdog:
         if self.budget is not None:
             checks.number("budget", self.budget, low=0.0, strict=True)
         checks.truth("refuse", self.refuse)
-        if not callable(self.clock):
-            raise InvalidInput(f"clock is {self.clock!r}; it must be a function that gives seconds")
+        checks.function("clock", self.clock, "a function that gives seconds")
 
 
 class Times(NamedTuple):
