@@ -162,34 +162,32 @@ class FallbackSequence:
     def descend(self, status: Status, moment: Vec) -> Command:
         """The command of the first fallback level that has one."""
         controller, start = self._controller, perf_counter()
-        controller.why = controller.why or controller.plan.not_finite()
-        if not controller.plan.not_finite():
-            weaker = self._weaker(status)
-            if status is not Status.INFEASIBLE and (weaker is None or weaker.level != NOT_OPTIMISED):
-                answer = self._other_solver(status)
-                if answer.ok:
-                    return self._certified(Status.SOLVED, "other solver", moment, controller.answering.proof)
-                other = self._weaker(answer)
-                if other is not None and (weaker is None or WEAKER.index(other.level) < WEAKER.index(weaker.level)):
-                    weaker = other
-                status = answer
-            if weaker is not None and status is not Status.INFEASIBLE:
-                controller.plan.problem.value[:] = weaker.value
-                controller.answering = weaker.solver
-                return self._certified(weaker.status, weaker.level, moment, weaker.solver.certificate)
-            controller.status = status
-            unlimited = controller.plan.unlimited_joints(*controller.plan.joint_bound_rows)
-            if not unlimited:
-                found = self._relaxed(start) if status is Status.INFEASIBLE else None
-                if found is not None:
-                    return self._certified(status, "relaxed", moment, found)
-                if self.failures < self.recovery.hold_ticks and self._in_time(start) and self._closed_form():
-                    self.failures += 1
-                    return self._note(controller.decode(moment, status, "closed form", _NO_PROOF))
-            elif status is Status.INFEASIBLE:
-                more = [f"{len(unlimited) - 3} more"] if len(unlimited) > 3 else []
-                named = ", ".join([*unlimited[:3], *more])
-                controller.why = f"the rows contradict each other; none is relaxed, as no limit bounds {named}"
+        weaker = self._weaker(status)
+        if status is not Status.INFEASIBLE and (weaker is None or weaker.level != NOT_OPTIMISED):
+            answer = self._other_solver(status)
+            if answer.ok:
+                return self._certified(Status.SOLVED, "other solver", moment, controller.answering.proof)
+            other = self._weaker(answer)
+            if other is not None and (weaker is None or WEAKER.index(other.level) < WEAKER.index(weaker.level)):
+                weaker = other
+            status = answer
+        if weaker is not None and status is not Status.INFEASIBLE:
+            controller.plan.problem.value[:] = weaker.value
+            controller.answering = weaker.solver
+            return self._certified(weaker.status, weaker.level, moment, weaker.solver.certificate)
+        controller.status = status
+        unlimited = controller.plan.unlimited_joints(*controller.plan.joint_bound_rows)
+        if not unlimited:
+            found = self._relaxed(start) if status is Status.INFEASIBLE else None
+            if found is not None:
+                return self._certified(status, "relaxed", moment, found)
+            if self.failures < self.recovery.hold_ticks and self._in_time(start) and self._closed_form():
+                self.failures += 1
+                return self._note(controller.decode(moment, status, "closed form", _NO_PROOF))
+        elif status is Status.INFEASIBLE:
+            more = [f"{len(unlimited) - 3} more"] if len(unlimited) > 3 else []
+            named = ", ".join([*unlimited[:3], *more])
+            controller.why = f"the rows contradict each other; none is relaxed, as no limit bounds {named}"
         return self._fail(status, moment)
 
     def resume(self, command: Command, moment: Vec) -> Command:

@@ -24,8 +24,7 @@ class Filled(PlanView):
     """The rows of a plan, where they stand, and what they say in words."""
 
     __slots__ = (
-        "_normal", "_spoilt", "_torque_range", "barriers", "joint_bound_rows", "layout", "motion", "problem",
-        "shares",
+        "_normal", "_spoilt", "barriers", "joint_bound_rows", "layout", "motion", "problem", "shares", "torque_range",
     )  # fmt: skip
 
     layout: Layout
@@ -40,25 +39,8 @@ class Filled(PlanView):
     #: Those that have h >= 0, also the soft ones.
     barriers: list[RowBlock]
     _normal: Index
-    _torque_range: tuple[Vec, Vec]
-
-    @property
-    def torque_range(self) -> tuple[Vec, Vec]:
-        """``torque_bounds`` as they were filled last: where they move with the speed, for the speed of that state."""
-        return self._torque_range
-
-    def not_finite(self) -> str:
-        """Which row is not a number, or which gains cannot be used; or nothing."""
-        bad = ~np.isfinite(self.problem.G[: self.layout.n_rows].sum(axis=1))
-        if bad[self.layout.motion_row :].any():  # a contact's Jacobian is in the torques too: name the cause
-            bad[: self.layout.motion_row] = False
-        if bad.any():
-            return f"{self.problem.rows[int(np.argmax(bad))]} is not finite"
-        for block in self.layout.joints:
-            finite = np.isfinite(self.motion.wanted[block.motion])
-            if not finite.all():
-                return f"{block.name} {block.member.label(int(np.argmin(finite)))} is not finite"
-        return ""
+    #: ``torque_bounds`` as they were filled last: where they move with the speed, for the speed of that state.
+    torque_range: tuple[Vec, Vec]
 
     def refuse_not_finite(self) -> None:
         """A level that is left out because of NaN must not look like an answer.
@@ -66,10 +48,17 @@ class Filled(PlanView):
         Raises:
             InvalidInput: what was filled last is not finite, by the name of the row.
         """
-        if self._spoilt & ROW_SPOILT:
-            text = self.not_finite()
-            if text:
-                raise InvalidInput(text)
+        if not self._spoilt & ROW_SPOILT:
+            return
+        bad = ~np.isfinite(self.problem.G[: self.layout.n_rows].sum(axis=1))
+        if bad[self.layout.motion_row :].any():  # a contact's Jacobian is in the torques too: name the cause
+            bad[: self.layout.motion_row] = False
+        if bad.any():
+            raise InvalidInput(f"{self.problem.rows[int(np.argmax(bad))]} is not finite")
+        for block in self.layout.joints:
+            finite = np.isfinite(self.motion.wanted[block.motion])
+            if not finite.all():
+                raise InvalidInput(f"{block.name} {block.member.label(int(np.argmin(finite)))} is not finite")
 
     def errors(self) -> Mapping[str, Vec]:
         """Error e of each kinematic task (dim,), a copy."""

@@ -158,7 +158,7 @@ class Plan(Filled):
         ]
         self._normal, self._pressing = np.array(presses, dtype=np.intp).reshape(-1, 2).T
         lower, upper = p.range_bounds()
-        self._torque_range = lower[: model.nj], upper[: model.nj]
+        self.torque_range = lower[: model.nj], upper[: model.nj]
         self._normal_version, self._own_normals = -1, np.zeros((2, len(presses)))
         self._take_torque_bounds()
         self._force_weights = np.concatenate(
@@ -378,11 +378,11 @@ class Plan(Filled):
 
     def _take_torque_bounds(self) -> None:
         self._torque_version = self.applied.version
-        for bound, now in zip(self.torque_bounds, self._torque_range, strict=True):
+        for bound, now in zip(self.torque_bounds, self.torque_range, strict=True):
             now[:] = bound
 
     def _narrow_torques(self, state: RobotState) -> None:
-        for now, bound in zip(self._torque_range, self.torques_at(state), strict=True):
+        for now, bound in zip(self.torque_range, self.torques_at(state), strict=True):
             now[:] = bound
 
     def torques_at(self, state: RobotState) -> tuple[Vec, Vec]:
