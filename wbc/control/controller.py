@@ -222,9 +222,10 @@ class Controller(Solving):
             self._tell(component, command)
         self.last = command
         if watch.timed:
-            self.fallbacks.late(command, watch.took(start))
+            if why := watch.took(start):
+                self.fallbacks.write_down(command, why)
             if watch.broken:
-                self._spoil(command, watch.broken)
+                self.fallbacks.spoilt(command, watch.broken)
         return command
 
     def _accelerated(self, command: Command) -> Vec:
@@ -237,11 +238,7 @@ class Controller(Solving):
         try:
             component.after(self.state, command)
         except Exception as cause:
-            self._spoil(command, str(MemberFailed(f"{component.name}.after", cause)))
-
-    def _spoil(self, command: Command, failure: str) -> None:
-        self.why = f"{self.why}; {failure}" if self.why else failure
-        self.fallbacks.spoilt(command, self.why)
+            self.fallbacks.spoilt(command, str(MemberFailed(f"{component.name}.after", cause)))
 
     def _decide(self, t: float, moment: Vec) -> Command:
         state = self.state

@@ -153,10 +153,12 @@ class FallbackSequence:
         self._controller.unposed = self._controller.serial
         return self._fail(Status.FAILED, moment)
 
-    def spoilt(self, command: Command, why: str) -> None:
+    def spoilt(self, command: Command, failure: str) -> None:
         """Write down what failed once the command was decided, a component or a clock: the command stands, not ok."""
-        self._controller.status = command.status = Status.FAILED
-        self._write_down(command, why)
+        controller = self._controller
+        controller.why = f"{controller.why}; {failure}" if controller.why else failure
+        controller.status = command.status = Status.FAILED
+        self.write_down(command, controller.why)
 
     @np.errstate(all="ignore")
     def descend(self, status: Status, moment: Vec) -> Command:
@@ -205,11 +207,6 @@ class FallbackSequence:
         self._note(command, f"solved again after {self.failures} failures" if solved_again else "")
         self.good, self.failures = command, 0
         return command
-
-    def late(self, command: Command, why: str) -> None:
-        """Write down a tick that took too long, if ``why`` says so."""
-        if why:
-            self._write_down(command, why)
 
     # ---- fallback levels
     def _weaker(self, status: Status) -> _Weaker | None:
@@ -356,10 +353,11 @@ class FallbackSequence:
         if not command.status.ok:
             controller.why = controller.why or command.status.value
         self.counts[command.fallback_level] += 1
-        self._write_down(command, why or controller.why or command.status.value)
+        self.write_down(command, why or controller.why or command.status.value)
         return command
 
-    def _write_down(self, command: Command, why: str) -> None:
+    def write_down(self, command: Command, why: str) -> None:
+        """Keep this tick and what there is to say of it in ``log``."""
         controller = self._controller
         self.log.append(Event(controller.state.t, controller.serial, command.status, command.fallback_level, why))
 
