@@ -29,7 +29,7 @@ class Edge(KernelContact):
     The rows of the cone are exactly what friction pyramids at both ends add up to. Twice the force at an end is
     z = fz ∓ my / L along the normal and y = fy ± mz / L across the edge, and fx may be shared in any way, so |y| <= µ z
     at both ends, and ±fx <= ½ Σ (µ z − n_y y) / n_x over the ends, with each side n of the pyramid, n_x > 0, at either:
-    6 rows for pyramids of 4 sides, 22 for 8, with µ = ``mu``. They imply |my| <= L fz. Other arguments:
+    6 rows for pyramids of 4 sides, 22 for 8, with µ = ``pyramid.mu``. They imply |my| <= L fz. Other arguments:
     :class:`~wbc.stack.contact.Contact`.
 
     Raises:
@@ -86,7 +86,7 @@ class Edge(KernelContact):
         return KernelRows("frame.edge", (self.frame,), [*self.origin, *self.direction])
 
     def cone(self) -> Mat:
-        mu, L = self.mu, self.half_length
+        mu, L = self.pyramid.mu, self.half_length
         # Twice the normal force and twice the force across the edge, at the positive and at the negative end.
         pressing = [np.array([0.0, 0.0, 1.0, -end / L, 0.0]) for end in (1, -1)]
         across = [np.array([0.0, 1.0, 0.0, 0.0, end / L]) for end in (1, -1)]

@@ -26,8 +26,8 @@ class Sole(KernelContact):
     the centre of the rectangle in the frame. e = log6(actual⁻¹ anchor), J and J̇ v are the body twist's, moved there.
 
     The rows of the cone are exactly the wrenches that friction pyramids at the four corners can add up to. With 4 sides
-    these are 16, with µ = ``mu``: |fx|, |fy| <= µ fz; |mx| <= Y fz; |my| <= X fz; and mz between ∓µ (X + Y) fz ±
-    (|Y fx ∓ µ mx| + |X fy ∓ µ my|) (Caron, Pham, Nakamura, ICRA 2015). With 8 sides they are 60 to 90, the facets of
+    these are 16, with µ = ``pyramid.mu``: |fx|, |fy| <= µ fz; |mx| <= Y fz; |my| <= X fz; and mz between ∓µ (X + Y) fz
+    ± (|Y fx ∓ µ mx| + |X fy ∓ µ my|) (Caron, Pham, Nakamura, ICRA 2015). With 8 sides they are 60 to 90, the facets of
     the hull of the 32 wrenches along the pyramids' edges. They imply fz >= 0. Other arguments:
     :class:`~wbc.stack.contact.Contact`.
 
@@ -69,7 +69,7 @@ class Sole(KernelContact):
     @cached_property
     def _facets(self) -> Mat:
         """The cone for pyramids of any number of sides."""
-        mu, (X, Y), forces = self.mu, self.half_size, self.pyramid.edges
+        mu, (X, Y), forces = self.pyramid.mu, self.half_size, self.pyramid.edges
         corners = [[i * X, j * Y, 0.0] for i in (1.0, -1.0) for j in (1.0, -1.0)]
         wrenches = np.vstack([np.hstack([forces, np.cross(corner, forces)]) for corner in corners])
         return wrench_facets(wrenches, 2, (mu, mu, 1.0, Y, X, mu * (X + Y)))
@@ -77,7 +77,7 @@ class Sole(KernelContact):
     def cone(self) -> Mat:
         if self.sides > 4:
             return self._facets.copy()
-        mu, (X, Y) = self.mu, self.half_size
+        mu, (X, Y) = self.pyramid.mu, self.half_size
         rows = [[s, 0, -mu, 0, 0, 0] for s in (1, -1)] + [[0, s, -mu, 0, 0, 0] for s in (1, -1)]
         rows += [[0, 0, -Y, s, 0, 0] for s in (1, -1)] + [[0, 0, -X, 0, s, 0] for s in (1, -1)]
         for turn in (1, -1):

@@ -15,7 +15,7 @@ from tests.tasks.rows_of import moment
 from wbc.errors import InvalidInput, UnknownFrame
 from wbc.models.model import RobotModel
 from wbc.stack.component import Schedule
-from wbc.stack.contact import ContactRows
+from wbc.stack.task_rows import TaskRows
 from wbc.testing import robots
 from wbc.types import Mat, Vec
 
@@ -31,7 +31,7 @@ def closing(**more: Any) -> LoopClosure:
     return LoopClosure("rod_end", to="rocker_end", rows=["x", "z"], target=[0, 0, 0], **more)
 
 
-def loop_rows(robot: RobotModel, q: Vec, v: Vec) -> ContactRows:
+def loop_rows(robot: RobotModel, q: Vec, v: Vec) -> TaskRows:
     """How far the loop is open, its Jacobian and its drift."""
     loop = closing()
     return loop.rows(moment(robot, q, v), loop.target)

@@ -21,7 +21,7 @@ from wbc.stack.constraint import (
     Softly,
     TorqueBySpeed,
 )
-from wbc.stack.contact import Anchor, ContactRows
+from wbc.stack.contact import Anchor
 from wbc.stack.interval import JointIntervals
 from wbc.stack.kernel_rows import KernelRows
 from wbc.stack.motion import MotionRows
@@ -109,7 +109,7 @@ class MotionBlock(Block):
         """Take the views to be written."""
         at, self.anchor = self.motion, anchor
         self._wanted, self._drift = motion.wanted[at], motion.drift[at] if motion.order == 2 else np.zeros(self.dim)
-        self.out = self.into = out = TaskRows() if anchor is None else ContactRows()
+        self.out = self.into = out = TaskRows()
         out.e, out.drift, out.ed = motion.e[at], motion.drift[at], motion.own_ed[at]
         out.rate_ref, out.acc_ref = motion.rate_ref[at], motion.acc_ref[at]
         if self.has_rows:

@@ -132,7 +132,6 @@ class Barrier(Constraint):
     Subclasses set ``dim`` and ``units`` and write ``fill``. Source: Ames et al., ECC 2019; Nguyen, Sreenath, ACC 2016.
     """
 
-    dim: int
     #: Numbers (dim,) of what each row is about now, where that changes from tick to tick; recorded beside the margins.
     codes: Index | None = None
     #: What the state that was filled last has and the rows do not say, for ``controller.why``; mostly nothing.
@@ -178,7 +177,6 @@ class LinearConstraint(Constraint):
     """lo <= A y <= hi for y the velocities, accelerations (nv), torques (nj) or wrenches of contacts."""
 
     on: ClassVar[Literal["velocity", "acceleration", "torque", "force"]]
-    dim: int
     #: For ``on = "force"``: the name or frame of the contact, or of several, whose wrenches stand one behind the other.
     contact: str | tuple[str, ...] = ""
 

@@ -47,13 +47,6 @@ class Anchor:
         return Anchor, (np.array(self.rotation), np.array(self.position))
 
 
-class ContactRows(TaskRows):
-    """Where a contact writes its motion rows: J (dim, nv), drift (dim,), e (dim,) = anchor − actual. What is beside
-    these in a task's rows is zero unless written: surfaces stand still."""
-
-    __slots__ = ()
-
-
 class Contact(Member):
     """A frame that must not move, and the wrench that holds it.
 
@@ -74,7 +67,6 @@ class Contact(Member):
     """
 
     read_once = frozenset({"friction", "friction_model", "sides", "pyramid", "force_weight"})
-    dim: int
     frame: str
     _f_min: float | None = None
     _f_max: float | None = None
@@ -98,7 +90,7 @@ class Contact(Member):
         target: Any = None,
         name: str | None = None,
     ) -> None:
-        self.frame = frame
+        self.frame = self.subject = frame
         self._name = None if name is None else checks.text("name", name)
         self.pyramid = Pyramid(friction, friction_model, sides, name=self.name)
         self.friction, self.friction_model, self.sides = self.pyramid.friction, friction_model, self.pyramid.sides
@@ -107,11 +99,6 @@ class Contact(Member):
         self.force_weight = checks.number(f"{self.name}.force_weight", force_weight, low=0.0)
         self.f_max, self.f_min = f_max, f_min
         self.target = target
-
-    @property
-    def name(self) -> str:
-        """Given, or the class and the frame; ``command.f`` is read by this name or by the frame's."""
-        return self._name or f"{type(self).__name__}[{self.frame}]"
 
     @property
     def target(self) -> Anchor | None:
@@ -192,11 +179,6 @@ class Contact(Member):
         """(label, unit) of each number of the force."""
         return [(WRENCH[axis], "N" if axis < 3 else "N m") for axis in self.wrench_axes]
 
-    @property
-    def mu(self) -> float:
-        """The coefficient of the pyramid's sides: µ, or of an inner one µ cos(π / sides)."""
-        return self.pyramid.mu
-
     def prepare(self, model: RobotModel) -> None:
         model.check_frame(self.frame)
 
@@ -209,10 +191,13 @@ class Contact(Member):
         """The pose of the contact in this state."""
 
     @abstractmethod
-    def fill(self, state: RobotState, anchor: Anchor, out: ContactRows) -> None:
-        """Write J, drift and e for this state. Pure."""
+    def fill(self, state: RobotState, anchor: Anchor, out: TaskRows) -> None:
+        """Write J (dim, nv), drift (dim,) and e (dim,) = anchor − actual for this state. Pure.
 
-    def rows(self, state: RobotState, anchor: Anchor | None = None) -> ContactRows:
+        What is beside these in a task's rows is zero unless written: surfaces stand still.
+        """
+
+    def rows(self, state: RobotState, anchor: Anchor | None = None) -> TaskRows:
         """What ``fill`` writes, in memory of its own; ``anchor`` None: made where it is in this state.
 
         Example:
@@ -223,7 +208,7 @@ class Contact(Member):
             >>> rows.J.shape, np.abs(rows.e).max() < 1e-12
             ((6, 36), np.True_)
         """
-        out = ContactRows()
+        out = TaskRows()
         out.J, (out.drift, out.e) = np.zeros((self.dim, state.model.nv)), np.zeros((2, self.dim))
         self.fill(state, self.anchor(state) if anchor is None else anchor, out)
         return out

@@ -6,7 +6,7 @@ from abc import abstractmethod
 
 from wbc.models.model import RobotState
 from wbc.stack.constraint import Barrier, BarrierRows, ConstraintRows, LinearConstraint
-from wbc.stack.contact import Anchor, Contact, ContactRows
+from wbc.stack.contact import Anchor, Contact
 from wbc.stack.kernel_rows import KernelRows
 from wbc.stack.member import Member
 from wbc.stack.task import LinearRows, LinearTask, Task, TaskRows
@@ -49,7 +49,7 @@ class KernelBarrier(Barrier, _Kernel):
 class KernelContact(Contact, _Kernel):
     """A contact whose motion rows a kernel writes."""
 
-    def fill(self, state: RobotState, anchor: Anchor, out: ContactRows) -> None:
+    def fill(self, state: RobotState, anchor: Anchor, out: TaskRows) -> None:
         rows = self._called(state, anchor)
         out.e[:], out.J[:], out.drift[:] = rows.e, rows.J, rows.drift
 

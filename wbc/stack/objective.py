@@ -23,7 +23,6 @@ class Objective(Member):
     sizes may not change.
     """
 
-    dim: int
     #: What is raised for a label that does not exist.
     unknown_row: ClassVar[type[UnknownName]] = UnknownName
     # Defaults at class level, so that a subclass which forgets super().__init__ still works.

@@ -17,7 +17,7 @@ from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.by_name import ByName
 from wbc.stack.constraint import Barrier, BarrierRows, ConstraintRows, LinearConstraint
-from wbc.stack.contact import Anchor, Contact, ContactRows
+from wbc.stack.contact import Anchor, Contact
 from wbc.stack.kernel_rows import KernelRows, kernel_rows_of
 from wbc.stack.member import EFFORTS, Member
 from wbc.stack.objective import Objective
@@ -140,8 +140,6 @@ class Exactly(Member):
     """A task turned into a constraint (an equality); made by ``task.exactly()``, used in ``subject_to``."""
 
     def __init__(self, task: Task, *, name: str | None = None) -> None:
-        if task.on_joints and name is None:
-            name = f"{task.name} exactly"
         self.task = task
         self._name = name
 
@@ -271,7 +269,7 @@ class Reaction(Contact):
         """Those of the task, where it has some."""
         return kernel_rows_of(self.task)
 
-    def fill(self, state: RobotState, anchor: Anchor, out: ContactRows) -> None:
+    def fill(self, state: RobotState, anchor: Anchor, out: TaskRows) -> None:
         del anchor
         if self._joints is not None:
             out.J[:], out.drift[:] = self._joints, 0.0

@@ -6,7 +6,7 @@ from wbc.types import Mat, Vec
 
 
 class TaskRows:
-    """Where a kinematic task writes: views into the plan's own memory, ``dim`` rows.
+    """Where a kinematic task, or a contact, writes: views into the plan's own memory, ``dim`` rows.
 
     e (dim,)          error, target − actual; of a pose ``linear`` is e[:3] and ``angular`` e[3:]
     J (dim, nv)       Jacobian of the actual value

@@ -9,8 +9,8 @@ import numpy as np
 
 from wbc import checks
 from wbc.models.model import RobotModel, RobotState
-from wbc.stack.contact import Anchor, Contact, ContactRows
-from wbc.stack.task import Reaction, Task
+from wbc.stack.contact import Anchor, Contact
+from wbc.stack.task import Reaction, Task, TaskRows
 from wbc.testing.differences import along, velocity_names
 from wbc.testing.failure import differs, require, worst
 from wbc.testing.filling import Filling
@@ -70,11 +70,11 @@ def _check_cone(contact: Contact) -> None:
 
 
 def _filling(contact: Contact, model: RobotModel, anchor: Anchor) -> Filling:
-    def write(state: RobotState, out: ContactRows) -> None:
+    def write(state: RobotState, out: TaskRows) -> None:
         contact.fill(state, anchor, out)
 
     dim = contact.dim
-    return Filling(contact.name, model, write, ContactRows, {"J": (dim, model.nv), "drift": (dim,), "e": (dim,)})
+    return Filling(contact.name, model, write, TaskRows, {"J": (dim, model.nv), "drift": (dim,), "e": (dim,)})
 
 
 def _check_moment(contact: Contact, model: RobotModel, first: Moment, second: Moment) -> None:
