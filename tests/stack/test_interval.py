@@ -41,7 +41,7 @@ def random_intervals(rng: np.random.Generator, n: int = 100) -> JointIntervals:
 
 def bounds(intervals: JointIntervals, level: str, q: Vec, v: Vec) -> tuple[Vec, Vec]:
     lower, upper = np.full(len(q), np.nan), np.full(len(q), np.nan)
-    getattr(intervals, level)(q, v, lower, upper)
+    intervals.write(("velocity", "acceleration").index(level) + 1, q, v, lower, upper)
     return lower, upper
 
 

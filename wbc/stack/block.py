@@ -234,13 +234,12 @@ class _IntervalRows:
         self._limit, self._model = limit, model
         self.on = "torque" if limit.quantity == "torque" else ""
         if not self.on:
-            intervals = JointIntervals.compose([limit], model, dt)
-            self._write = intervals.velocity if order == 1 else intervals.acceleration
+            self._intervals, self._order = JointIntervals.compose([limit], model, dt), order
 
     def fill(self, state: RobotState, out: ConstraintRows) -> None:
         out.A[:] = np.eye(out.A.shape[1])[-len(out.A) :]
         if not self.on:
-            self._write(state.q_joints, state.v_joints, out.lo, out.hi)
+            self._intervals.write(self._order, state.q_joints, state.v_joints, out.lo, out.hi)
             return
         out.lo[:], out.hi[:] = self._limit.bounds(self._model)
         if isinstance(self._limit, TorqueBySpeed):

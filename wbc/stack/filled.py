@@ -84,8 +84,7 @@ class Filled(PlanView):
         The problem keeps its own.
         """
         lower, upper = np.array(self.joint_bound_rows)
-        write = self.intervals.velocity if self.level.order == 1 else self.intervals.acceleration
-        write(state.q_joints, state.v_joints, lower, upper)
+        self.intervals.write(self.level.order, state.q_joints, state.v_joints, lower, upper)
         return lower, upper
 
     def unlimited_joints(self, lower: Vec, upper: Vec) -> list[str]:

@@ -32,8 +32,8 @@ class JointIntervals:
     acceleration limit, at most ``braking`` of the constraint on positions; 20 where nothing is said), the velocity u
     towards the limit at the end of the tick is bounded by
 
-    ``acceleration``: q⁺ = q + v dt + ½ a dt², v⁺ = v + a dt.   u <= −B dt + √((B dt)² + 2 B s), s = d − ½ v dt
-    ``velocity``:     q⁺ = q + v dt.   u <= d / dt; with an acceleration limit u <= −B dt + √((B dt)² + 2 B d)
+    accelerations: q⁺ = q + v dt + ½ a dt², v⁺ = v + a dt.   u <= −B dt + √((B dt)² + 2 B s), s = d − ½ v dt
+    velocities:    q⁺ = q + v dt.   u <= d / dt; with an acceleration limit u <= −B dt + √((B dt)² + 2 B d)
 
     beside the velocity and acceleration limits. It can then brake with B or stop within the tick, and the same holds
     at the next tick, so the interval is never empty. Whether motors can give B is the matter of
@@ -64,7 +64,7 @@ class JointIntervals:
         >>> robot = wbc.load("arm")
         >>> intervals = JointIntervals.compose([JointVelocityLimits(2.0)], robot, dt=0.01)
         >>> lower, upper = np.empty(robot.nj), np.empty(robot.nj)
-        >>> intervals.acceleration(np.zeros(robot.nj), np.full(robot.nj, 1.5), lower, upper)
+        >>> intervals.write(2, np.zeros(robot.nj), np.full(robot.nj, 1.5), lower, upper)
         >>> lower[0].round(6), upper[0].round(6)
         (np.float64(-350.0), np.float64(50.0))
     """
@@ -173,8 +173,7 @@ class JointIntervals:
 
     def recovery(self, q: Vec) -> str:
         """Which joint is furthest outside its position limits, and by how much; or nothing."""
-        upper, mirrored = self._limits["position"]
-        beyond = np.maximum(q - upper, -q - mirrored)
+        beyond = -self.nearest(q)
         worst = int(np.argmax(beyond))
         if not beyond[worst] > SAME:
             return ""
@@ -248,15 +247,9 @@ class JointIntervals:
         if not self.remembers:
             self._last[:] = 0.0
 
-    def acceleration(self, q: Vec, v: Vec, lower: Vec, upper: Vec) -> None:
-        """Write bounds (nj,) on the joint accelerations of the next tick, from positions q and velocities v (nj,)."""
-        self._write(2, q, v, lower, upper)
-
-    def velocity(self, q: Vec, v: Vec, lower: Vec, upper: Vec) -> None:
-        """Write bounds (nj,) on the joint velocities of the next tick; v is read with acceleration limits only."""
-        self._write(1, q, v, lower, upper)
-
-    def _write(self, order: int, q: Vec, v: Vec, lower: Vec, upper: Vec) -> None:
+    def write(self, order: int, q: Vec, v: Vec, lower: Vec, upper: Vec) -> None:
+        """Write bounds (nj,) on the joint velocities (order 1) or accelerations (2) of the next tick, from positions q
+        and velocities v (nj,). Bounds on velocities depend on v with acceleration limits only."""
         self._order[1], self._now[0][:], self._now[1][:] = order, q, v
         bound_joints(self._memory.address)
         lower[:], upper[:] = self._now[2], self._now[3]
