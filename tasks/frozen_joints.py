@@ -58,7 +58,7 @@ class FrozenJoints(KernelTask):
 
     def prepare(self, model: RobotModel) -> None:
         names = model.joint_names
-        self._index = all_meant(f"{self.name}.joints", self.joints, names, UnknownJoint)
+        self._index = all_meant(f"{self.name}.joints", self.joints, names)
         self.dim, self.labels = len(self._index), tuple(names[i] for i in self._index)
         self._J = np.eye(model.nv)[model.nb :][self._index]
         self.units = tuple(model.joint_units[i] for i in self._index)

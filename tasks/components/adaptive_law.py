@@ -9,7 +9,7 @@ from typing import Any, final
 import numpy as np
 
 from wbc import checks
-from wbc.errors import InvalidInput, NotSupported, UnknownJoint
+from wbc.errors import InvalidInput, NotSupported
 from wbc.methods import ParameterUpdate, PseudoInertia
 from wbc.models.inertial_regressor import InertialRegressor
 from wbc.models.model import RobotModel
@@ -97,7 +97,7 @@ class InertialLaw(AdaptiveLaw):
         self.inertial = regressor = InertialRegressor(model)
         self.rotors = regressor.rotors
         named = (".*",) if links is None else patterns(f"{name}.links", links)
-        joints = sorted(all_meant(f"{name}.links", named, model.joint_names, UnknownJoint))
+        joints = sorted(all_meant(f"{name}.links", named, model.joint_names))
         self._links = [slice(10 * i, 10 * i + 10) for i in joints]
         self._length, self._floor = length, floor
         self._gain = checks.number(f"{name}.gain", gain, low=0.0, strict=True)

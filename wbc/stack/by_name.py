@@ -9,7 +9,7 @@ from typing import Any, final
 import numpy as np
 
 from wbc import checks
-from wbc.errors import InvalidInput, UnknownName
+from wbc.errors import InvalidInput, UnknownJoint, UnknownName
 from wbc.types import Vec
 
 
@@ -36,7 +36,7 @@ def patterns(what: str, given: Any) -> tuple[str, ...]:
     return tuple(pattern(f"{what}[{i}]", one) for i, one in enumerate(checks.names(what, given)))
 
 
-def meant(what: str, given: str, names: Sequence[str], unknown: type[UnknownName] = UnknownName) -> list[int]:
+def meant(what: str, given: str, names: Sequence[str], unknown: type[UnknownName]) -> list[int]:
     """Where in ``names`` the name ``given`` is, or all those that it matches from first letter to last.
 
     Raises:
@@ -52,15 +52,13 @@ def meant(what: str, given: str, names: Sequence[str], unknown: type[UnknownName
     return found
 
 
-def all_meant(
-    what: str, given: Sequence[str], names: Sequence[str], unknown: type[UnknownName] = UnknownName
-) -> list[int]:
-    """Of several names and patterns, each place once: in the order given, those of a pattern in the order of ``names``.
+def all_meant(what: str, given: Sequence[str], joints: Sequence[str]) -> list[int]:
+    """Of several names and patterns, each joint once: in the order given, those of a pattern in that of ``joints``.
 
     Raises:
-        UnknownName: one of them matches none.
+        UnknownJoint: one of them matches none.
     """
-    return list(dict.fromkeys(i for one in given for i in meant(what, one, names, unknown)))
+    return list(dict.fromkeys(i for one in given for i in meant(what, one, joints, UnknownJoint)))
 
 
 @final
@@ -80,7 +78,7 @@ class ByName(Mapping[str, float]):
             for key, value in given.items()
         }
 
-    def rows(self, names: Sequence[str], default: float, unknown: type[UnknownName] = UnknownName) -> Vec:
+    def rows(self, names: Sequence[str], default: float, unknown: type[UnknownName]) -> Vec:
         """A number for each of ``names``, ``default`` where no key matches.
 
         Raises:

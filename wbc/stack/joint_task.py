@@ -7,7 +7,6 @@ from typing import Any, final
 
 import numpy as np
 
-from wbc import checks
 from wbc.errors import InvalidInput, UnknownJoint
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.by_name import ByName, all_meant, patterns
@@ -53,7 +52,7 @@ class JointTask(Task):
         self.dim, self.units, self.labels = model.nj, model.joint_units, model.joint_names
         self._chosen = None
         if self.joints is not None:
-            found = all_meant(f"{self.name}.joints", self.joints, model.joint_names, UnknownJoint)
+            found = all_meant(f"{self.name}.joints", self.joints, model.joint_names)
             if len(found) == model.nj and found != sorted(found):
                 raise InvalidInput(f"{self.name}.joints are all joints in another order than the model's; leave it out")
             self._chosen = np.array(found, dtype=np.intp)
@@ -65,10 +64,13 @@ class JointTask(Task):
         rows = np.zeros(self.dim)
         if isinstance(value, ByName):
             rows[chosen] = value.rows([self.labels[i] for i in chosen], self._default(what), self.unknown_row)
-        elif checks.ndim(value) == 0:
-            rows[chosen] = value
-        else:
-            rows[chosen] = _of_chosen(self.dim, chosen, f"{self.name}.{what}", value)
+        else:  # a number, one for each joint, or one for each that is named
+            given = np.asarray(value)
+            given = given[chosen] if given.shape == rows.shape else given
+            if given.shape not in ((), chosen.shape):
+                shapes = f"({len(chosen)},) or ({self.dim},)"
+                raise InvalidInput(f"{self.name}.{what} must have shape {shapes}, not {given.shape}")
+            rows[chosen] = given
         return rows
 
     def own_rows(self, values: Vec) -> Vec:
@@ -120,16 +122,6 @@ class _Chosen(Task):
         out.rate_ref[:], out.acc_ref[:] = rows.rate_ref[self._of], rows.acc_ref[self._of]
 
 
-def _of_chosen(nj: int, chosen: Index, name: str, value: Any) -> Vec:
-    """Of (nj,) numbers, or of one for each joint named, those of the joints named."""
-    given: Vec = np.asarray(value)
-    if given.shape == (nj,):
-        return given[chosen]
-    if given.shape != chosen.shape:
-        raise InvalidInput(f"{name} must have shape ({len(chosen)},) or ({nj},), not {given.shape}")
-    return given
-
-
 class TorqueTask(LinearTask):
     """τ = what a subclass writes, one row a joint [N m, N].
 
@@ -152,7 +144,7 @@ class TorqueTask(LinearTask):
         super().__init__(weight=weight, name=name)
 
     def prepare(self, model: RobotModel) -> None:
-        index = all_meant(f"{self.name}.joints", self.joints or (".*",), model.joint_names, UnknownJoint)
+        index = all_meant(f"{self.name}.joints", self.joints or (".*",), model.joint_names)
         self._index, self.dim = np.array(index, dtype=np.intp), len(index)
         self.labels = tuple(model.joint_names[i] for i in index)
         self.units = tuple(EFFORTS[model.joint_units[i]] for i in index)
