@@ -10,7 +10,7 @@ from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
 from wbc.stack.kernel_members import KernelTask
-from wbc.stack.kernel_rows import Followed, KernelRows
+from wbc.stack.kernel_rows import KernelRows
 from wbc.stack.target import Target
 from wbc.stack.tracking import Tracking, pose_target, wrench_target
 
@@ -85,8 +85,7 @@ class Admittance(Tracking, KernelTask):
 
     def kernel_rows(self) -> KernelRows:
         numbers = [*self._held, *self._compliance, *self._mobility]
-        wrench = Followed(self._read, lambda: self.wrench)
-        return KernelRows.tracking(self, "frame.admittance", self.frame, numbers=numbers, also=(wrench,))
+        return KernelRows.tracking(self, "frame.admittance", self.frame, numbers=numbers, also=(self._read,))
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

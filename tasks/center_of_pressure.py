@@ -42,7 +42,7 @@ class CenterOfPressure(Tracking, KernelLinearTask):
         self.target = target
 
     def kernel_rows(self) -> KernelRows:
-        return KernelRows.tracking(self, "force.centre_of_pressure", writes_A=True)
+        return KernelRows.tracking(self, "force.centre_of_pressure")
 
     def fill(self, state: RobotState, out: LinearRows) -> None:
         if out.A.shape[1] != 6:

@@ -12,7 +12,7 @@ from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
 from wbc.stack.joint_task import JointTask
 from wbc.stack.kernel_members import KernelTask
-from wbc.stack.kernel_rows import Followed, KernelRows
+from wbc.stack.kernel_rows import KernelRows
 from wbc.stack.target import Target
 from wbc.stack.tracking import Tracking, joints_target
 from wbc.types import Vec
@@ -86,8 +86,7 @@ class JointAdmittance(Tracking, JointTask, KernelTask):
 
     def kernel_rows(self) -> KernelRows:
         numbers = [*self._held, *self._compliance, *self._mobility]
-        torque = Followed(self._read, lambda: self.torque)
-        return KernelRows.tracking(self, "joint.admittance", numbers=numbers, also=(torque,))
+        return KernelRows.tracking(self, "joint.admittance", numbers=numbers, also=(self._read,))
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -54,7 +54,7 @@ class Twin:
 def _hold(value: Any) -> None:
     """Let the targets of a member stand still."""
     if isinstance(value, Target):
-        value.hold()
+        value.function = None
     elif isinstance(value, Member):
         for inner in value.__dict__.values():
             _hold(inner)

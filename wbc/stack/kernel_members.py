@@ -25,7 +25,7 @@ class _Kernel(Member):
 
         said = self.kernel_rows()
         assert said is not None, f"{self.name} has no kernel, so it needs a fill"
-        return called(said, self.dim, state, anchor, A if said.writes_A else None)
+        return called(said, self.dim, state, anchor, A)
 
 
 class KernelTask(Task, _Kernel):
@@ -70,5 +70,5 @@ class KernelLinearTask(LinearTask, _Kernel):
     """A linear task that a kernel writes: A y = e − drift, A = J or what the kernel writes itself."""
 
     def fill(self, state: RobotState, out: LinearRows) -> None:
-        rows = self._called(state, A=out.A)
+        rows = self._called(state, A=out.A if self.on == "force" else None)
         out.A[:], out.b[:] = rows.J, rows.e - rows.drift

@@ -18,19 +18,8 @@ Numbers = Vec | Index | Sequence[float]
 #: What moves as a whole, beside frames: the centre of mass, and the momentum A_G v, linear before angular.
 CENTRE: Final = "the centre of mass"
 MOMENTUM: Final = "the momentum"
-#: Kinds of motions; NONE is called, or stands still.
-NONE, SINUSOID, MINIMUM_JERK, POSE, SAMPLES, PIECEWISE = -1, 0, 1, 2, 3, 4
-#: Where joints are and how they move: a kernel that reads these has no Jacobian to write.
-NOTHING: tuple[str, ...] = ()
-
-
-@final
-@dataclass(frozen=True, eq=False)
-class Followed:
-    """A target: what it is at a time, and what a user gave."""
-
-    reference: Callable[[float], Target]
-    given: Callable[[], Any]
+#: Kinds of motions.
+SINUSOID, MINIMUM_JERK, POSE, SAMPLES, PIECEWISE = range(5)
 
 
 @final
@@ -40,27 +29,27 @@ class KernelRows:
 
     ``kernel`` "file.name" of :mod:`wbc.stack.compiled` writes e, C, bent, rate_ref and acc_ref; ``of`` are the things,
     each with six rows: frames by name (velocity of the origin, angular velocity, world axes), CENTRE or MOMENTUM.
-    ``numbers`` are settings, read again where something is assigned; ``follows`` are targets.
+    ``numbers`` are settings, read again where something is assigned; ``follows`` give targets at a time [s].
     """
 
     kernel: str
-    of: tuple[str, ...] = NOTHING
+    #: () for where joints are and how they move: such a kernel has no Jacobian to write. Nor has one of a member on
+    #: forces, which writes A in the place of C.
+    of: tuple[str, ...] = ()
     numbers: Numbers = ()
-    follows: tuple[Followed, ...] = ()
+    follows: tuple[Callable[[float], Target], ...] = ()
     #: J (dim, nv), or A of a member on torques, where it never changes.
     constant: Mat | None = None
-    #: Whether the kernel writes A in the place of C: of a member on forces.
-    writes_A: bool = False
     #: What a kernel reads beside: v, gravity "g" or all of "h", (nv,) each.
     bias: Literal["v", "g", "h"] = "v"
 
     @classmethod
     def tracking(
         cls, task: Tracking, kernel: str, *of: str, numbers: Numbers = (),
-        also: tuple[Followed, ...] = (), **more: Any,
+        also: tuple[Callable[[float], Target], ...] = (), **more: Any,
     ) -> Self:  # fmt: skip
         """Of a task with a ``target``."""
-        return cls(kernel, of, numbers, (Followed(task.reference, lambda: task.target), *also), **more)
+        return cls(kernel, of, numbers, (task.reference, *also), **more)
 
     @classmethod
     def of_joints(cls, offset: Vec, J: Mat) -> Self:

@@ -54,9 +54,9 @@ class Plan(Filled):
     """
 
     __slots__ = (
-        "_bound", "_by_speed", "_call", "_called", "_failure", "_filler", "_force_weights", "_has_components",
-        "_joint_weights", "_looks", "_normal_version", "_own_normals", "_place", "_pressing", "_qp", "_refusal",
-        "_shares", "_stamp", "_torque_version", "anchors", "damping", "force_scale", "stopping",
+        "_bound", "_by_speed", "_call", "_called", "_failure", "_force_weights", "_joint_weights", "_looks",
+        "_normal_version", "_own_normals", "_place", "_pressing", "_qp", "_refusal", "_shares", "_stamp",
+        "_torque_version", "anchors", "damping", "force_scale", "stopping",
     )  # fmt: skip
 
     stack: Stack
@@ -79,7 +79,6 @@ class Plan(Filled):
         nv, nb = model.nv, model.nb
         self.motion = MotionRows(level.order, p.G[layout.motion_row :], nv, model.nj, len(layout.joints), dt=dt)
         self._failure: MemberFailed | None = None
-        self._has_components = bool(stack.components)
         self._share(like)
         #: Weights of the tasks on the joints.
         self._joint_weights = np.zeros((len(layout.joints), model.nj))
@@ -104,7 +103,6 @@ class Plan(Filled):
         above = [layout.slack] if layout.slack else []
         p.levels = [[tasks[task] for task in level] for level in (*above, *stack.levels)]
         self._qp: QP | None = None
-        self._filler: CompiledFill | None = None
         #: Whether motors can bring the joints to rest before their limits; None where nothing depends on it.
         self.stopping = Stopping.of(self)
         self._first_fill(state, like)
@@ -336,8 +334,8 @@ class Plan(Filled):
                 self._read_weights()
             except InvalidInput as cause:
                 self._refusal = str(cause)
-        filler = self._filler
-        (filler if filler is not None and state is filler.state else self.bind(state))()
+        filler = self._bound
+        (filler if state is filler.state and filler.is_complete else self.bind(state))()
         if self.level.dynamics:
             if self._torque_version != self.applied.version:
                 self._take_torque_bounds()
@@ -406,15 +404,12 @@ class Plan(Filled):
         """What fills from this state, also the next time: a plan that is filled from one state loses no time here."""
         self._bound = filler = CompiledFill(self, state, self.failed)
         self._call[fill_kernel.FILLS] = filler.address
-        self._filler = filler if filler.is_complete else None
         return filler
 
     @property
     def is_compiled(self) -> bool:
         """Whether a fill is compiled code, but for targets that users write, and nobody changes it in a tick."""
-        filler = self._filler
-        compiled = filler is not None and filler.is_compiled
-        return compiled and not (self._has_components or self.stopping or self._by_speed)
+        return self._bound.is_compiled and not (self.stack.components or self.stopping or self._by_speed)
 
     @property
     def qp(self) -> QP:

@@ -30,10 +30,10 @@ class Target:
     __slots__ = (
         "_convert",
         "_convert_rate",
-        "_function",
         "_name",
         "_shape",
         "_still",
+        "function",
         "has_rates",
         "rate",
         "second",
@@ -43,14 +43,15 @@ class Target:
     def __init__(self, name: str, value: Any, dim: int, convert: Convert, convert_rate: Convert | None = None) -> None:
         self._convert_rate = convert_rate
         self._name, self._shape, self._convert = name, (dim,), convert
-        self._function: Callable[[float], Any] | None = None
+        #: The function of time that it is; None for a value.
+        self.function: Callable[[float], Any] | None = None
         self.value: Any = None
         self._still = np.zeros(dim)
         self.rate = self.second = self._still
         #: Whether the value came with a rate and an acceleration; else both are zero.
         self.has_rates = False
         if callable(value):
-            self._function = value
+            self.function = value
             try:
                 first = value(0.0)
             except Exception as cause:
@@ -59,19 +60,10 @@ class Target:
         else:
             self.value = convert(name, value, True)
 
-    @property
-    def moves(self) -> bool:
-        """Whether it is a function of time."""
-        return self._function is not None
-
-    def hold(self) -> None:
-        """From now on the reference is what it is now: nothing is called any more."""
-        self._function = None
-
     def at(self, t: float) -> Target:
         """Evaluate at time t [s]; then read ``value``, ``rate``, ``second``."""
-        if self._function is not None:
-            value = self._function(t)
+        if self.function is not None:
+            value = self.function(t)
             if self.has_rates or isinstance(value, tuple):
                 value = self._without_rates(value, strict=False)
             self.value = self._convert(self._name, value, False)

@@ -87,7 +87,7 @@ class CompiledFill:
         if version != self._version:
             self._version = version
             self._sizes[12:] = self._tasks.read(t), self._others.read(t)
-            self._moving = [items for items in (self._tasks, self._others) if items.moves]
+            self._moving = [items for items in (self._tasks, self._others) if items.moving]
         else:
             for items in self._moving:
                 items.follow(t)

@@ -75,7 +75,7 @@ def write_all(at: int) -> None:
     """
     m = carray(integers(at), 4)
     sizes = carray(integers(m[0]), 2)
-    refer(carray(integers(m[1]), (sizes[1], 7)), carray(floats(m[2]), 1)[0])
+    refer(carray(integers(m[1]), (sizes[1], 6)), carray(floats(m[2]), 1)[0])
     items = carray(integers(m[3]), (sizes[0], 2))
     for k in range(len(items)):
         if write(items[k, 0]) == 0:

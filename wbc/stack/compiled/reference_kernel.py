@@ -6,13 +6,13 @@ from math import cos, sin
 
 from wbc.compiled import carray, floats, kernel
 from wbc.stack.compiled.geometry import turn_by
-from wbc.stack.kernel_rows import NONE, PIECEWISE, POSE, SAMPLES, SINUSOID
+from wbc.stack.kernel_rows import PIECEWISE, POSE, SAMPLES, SINUSOID
 from wbc.types import Index, Vec
 
 
 @kernel
-def sinusoid(t: float, n: int, step: int, numbers: Vec, value: Vec, rate: Vec, second: Vec) -> None:
-    """c + r A sin(ω t + φ); ``numbers``: ramp, c, A, ω, φ (n,) each. ``value`` has it every ``step`` entries."""
+def sinusoid(t: float, n: int, numbers: Vec, value: Vec, rate: Vec, second: Vec) -> None:
+    """c + r A sin(ω t + φ); ``numbers``: ramp, c, A, ω, φ (n,) each."""
     ramp, r, dr, ddr = numbers[0], 1.0, 0.0, 0.0
     if t < ramp and ramp > 0.0:
         s = max(t, 0.0) / ramp
@@ -23,13 +23,13 @@ def sinusoid(t: float, n: int, step: int, numbers: Vec, value: Vec, rate: Vec, s
         amplitude, omega = numbers[1 + n + i], numbers[1 + 2 * n + i]
         angle = omega * t + numbers[1 + 3 * n + i]
         sine, cosine = sin(angle), omega * cos(angle)
-        value[i * step] = numbers[1 + i] + amplitude * (r * sine)
+        value[i] = numbers[1 + i] + amplitude * (r * sine)
         rate[i] = amplitude * (dr * sine + r * cosine)
         second[i] = amplitude * ((ddr - r * omega * omega) * sine + 2.0 * dr * cosine)
 
 
 @kernel
-def minimum_jerk(t: float, n: int, step: int, numbers: Vec, value: Vec, rate: Vec, second: Vec) -> None:
+def minimum_jerk(t: float, n: int, numbers: Vec, value: Vec, rate: Vec, second: Vec) -> None:
     """A quintic, and uniform motion around it; ``numbers``: duration, start time, six coefficients, value and rate at
     the start and at the end, (n,) each."""
     T, late = numbers[0], t - numbers[1]
@@ -38,7 +38,7 @@ def minimum_jerk(t: float, n: int, step: int, numbers: Vec, value: Vec, rate: Ve
     for i in range(n):
         if not inside:
             ends = 2 + (6 if late <= 0.0 else 8) * n + i
-            value[i * step] = numbers[ends] + since * numbers[ends + n]
+            value[i] = numbers[ends] + since * numbers[ends + n]
             rate[i], second[i] = numbers[ends + n], 0.0
             continue
         x, dx, ddx = 0.0, 0.0, 0.0
@@ -46,7 +46,7 @@ def minimum_jerk(t: float, n: int, step: int, numbers: Vec, value: Vec, rate: Ve
             ddx = ddx * s + 2.0 * dx
             dx = dx * s + x
             x = x * s + numbers[2 + k * n + i]
-        value[i * step], rate[i], second[i] = x, dx / T, ddx / T**2
+        value[i], rate[i], second[i] = x, dx / T, ddx / T**2
 
 
 @kernel
@@ -70,7 +70,7 @@ def pose(t: float, numbers: Vec, value: Vec, rate: Vec, second: Vec) -> None:
 
 
 @kernel
-def sample(t: float, n: int, step: int, at: int, value: Vec, rate: int, second: int) -> None:
+def sample(t: float, n: int, at: int, value: Vec, rate: int, second: int) -> None:
     """The sample of the time nearest to t; numbers at ``at``: samples per second, how many, size of a rate, whether
     there are rates, then the samples, of each its value, rate and acceleration. ``rate`` and ``second`` are addresses.
     """
@@ -80,7 +80,7 @@ def sample(t: float, n: int, step: int, at: int, value: Vec, rate: int, second: 
     size = n + 2 * width if has_rates else n
     found = carray(floats(at), 4 + count * size)[4 + k * size : 4 + (k + 1) * size]
     for i in range(n):
-        value[i * step] = found[i]
+        value[i] = found[i]
     speed, more = carray(floats(rate), width), carray(floats(second), width)
     for i in range(width):
         speed[i] = found[n + i] if has_rates else 0.0
@@ -89,16 +89,14 @@ def sample(t: float, n: int, step: int, at: int, value: Vec, rate: int, second: 
 
 @kernel
 def refer(references: Index, t: float) -> None:
-    """Write every reference: of each its kind, size, step, addresses of numbers, value, rate and acceleration.
+    """Write every reference: of each its kind, size, addresses of numbers, value, rate and acceleration.
 
     Of motions one after another the numbers are how many there are, when each starts, its kind, where its numbers are,
     and these.
     """
     for k in range(len(references)):
-        kind, n, step = references[k, 0], references[k, 1], references[k, 2]
-        if kind == NONE:
-            continue
-        at = references[k, 3]
+        kind, n = references[k, 0], references[k, 1]
+        at = references[k, 2]
         while kind == PIECEWISE:
             pieces = int(carray(floats(at), 1)[0])
             table = carray(floats(at), 1 + 3 * pieces)
@@ -106,16 +104,16 @@ def refer(references: Index, t: float) -> None:
             while i > 0 and t < table[1 + i]:
                 i -= 1
             kind, at = int(table[1 + pieces + i]), at + 8 * int(table[1 + 2 * pieces + i])
-        value = carray(floats(references[k, 4]), n * step)
+        value = carray(floats(references[k, 3]), n)
         if kind == SAMPLES:
-            sample(t, n, step, at, value, references[k, 5], references[k, 6])
+            sample(t, n, at, value, references[k, 4], references[k, 5])
             continue
         numbers = carray(floats(at), max(2 + 10 * n, 21))
         width = 6 if kind == POSE else n
-        rate, second = carray(floats(references[k, 5]), width), carray(floats(references[k, 6]), width)
+        rate, second = carray(floats(references[k, 4]), width), carray(floats(references[k, 5]), width)
         if kind == SINUSOID:
-            sinusoid(t, n, step, numbers, value, rate, second)
+            sinusoid(t, n, numbers, value, rate, second)
         elif kind == POSE:
             pose(t, numbers, value, rate, second)
         else:
-            minimum_jerk(t, n, step, numbers, value, rate, second)
+            minimum_jerk(t, n, numbers, value, rate, second)

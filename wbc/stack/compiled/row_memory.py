@@ -15,7 +15,7 @@ from wbc.models.views import JointMemory
 from wbc.stack.block import Block
 from wbc.stack.compiled import row_kernel
 from wbc.stack.contact import Anchor
-from wbc.stack.kernel_rows import CENTRE, MOMENTUM, NONE, Followed, KernelRows, KnownMotion
+from wbc.stack.kernel_rows import CENTRE, MOMENTUM, KernelRows, KnownMotion
 from wbc.stack.target import Target
 from wbc.stack.task_rows import TaskRows
 from wbc.types import Mat, Vec
@@ -71,8 +71,8 @@ class KernelItems:
     ) -> None:  # fmt: skip
         self._state, self._now, self._second, self._failed = state, now, second, failed
         self._items: list[tuple[Block, _Item]] = []
-        self._moving: list[tuple[str, _Following]] = []
-        self._memory = Memory()
+        #: Targets that users write, with the names of their tasks.
+        self.moving: list[tuple[str, _Following]] = []
 
     def add(self, block: Block) -> None:
         """The rows of one member more."""
@@ -81,20 +81,15 @@ class KernelItems:
         self._items.append((block, item))
         block.reads(self._state.v)
 
-    @property
-    def moves(self) -> bool:
-        """Whether there are targets that users write."""
-        return bool(self._moving)
-
     def follow(self, t: float) -> None:
         """Follow the targets that users write."""
-        for name, target in self._moving:
+        for name, target in self.moving:
             self._follow(name, target, t)
 
     def read(self, t: float) -> int:
         """Settings again, and which targets move; what :func:`~wbc.stack.compiled.finish_kernel.write_all` reads."""
         known: list[list[int]] = []
-        self._moving = []
+        self.moving = []
         for block, item in self._items:
             try:
                 item.numbers[:] = block.kernel_rows().numbers
@@ -102,16 +97,16 @@ class KernelItems:
                 self._failed(block.name, cause)
             for target in item.targets:
                 self._follow(block.name, target, t)
-                if target.moves:
+                if target.function is not None:
                     row = target.known()
                     if row is None:
-                        self._moving.append((block.name, target))
+                        self.moving.append((block.name, target))
                     else:
                         known.append(row)
         sizes = np.array([len(self._items), len(known)], dtype=np.int64)
-        references = np.array(known or [[NONE] * 7], dtype=np.int64)
         addresses = [[item.memory.address, block.finishing] for block, item in self._items]
-        self._memory = Memory(sizes, references, self._now, np.array(addresses, dtype=np.int64))
+        references, items = np.array(known, dtype=np.int64), np.array(addresses, dtype=np.int64)
+        self._memory = Memory(sizes, references, self._now, items)
         return self._memory.address if self._items else 0
 
     def _follow(self, name: str, target: _Following, t: float) -> None:
@@ -135,7 +130,7 @@ class _Item:
         file, name = said.kernel.split(".")
         self.kernel: callee = getattr(import_module(f"wbc.stack.compiled.{file}_kernel"), name)
         dim, n, model = len(rows.e), len(said.of), state.model
-        targets = [followed.reference(state.t) for followed in said.follows]
+        targets = [reference(state.t) for reference in said.follows]
         n_value = [sum(part.size for part in _parts(target)) for target in targets]
         n_rate = [len(target.rate) for target in targets]
         value, rate, moved = (np.zeros(sum(n)) for n in (n_value, n_rate, n_rate))
@@ -189,20 +184,20 @@ def _placed(thing: Any, placement: Vec, name: str, state: RobotState) -> Any:
 class _Following:
     """Where a target goes: its value as numbers, (12,) of a pose, its rate and its acceleration."""
 
-    __slots__ = ("_followed", "_kept", "_parts", "_seen", "moves", "rate", "second", "value")
+    __slots__ = ("_kept", "_reference", "_seen", "function", "rate", "second", "value")
 
-    def __init__(self, followed: Followed, value: Vec, rate: Vec, second: Vec) -> None:
-        self._followed, self.value, self.rate, self.second = followed, value, rate, second
+    def __init__(self, reference: Callable[[float], Target], value: Vec, rate: Vec, second: Vec) -> None:
+        self._reference, self.value, self.rate, self.second = reference, value, rate, second
         self._seen: Target | None = None
-        #: Whether the target seen last is a function of time.
-        self.moves = True
+        #: The function of time that the target seen last is; None for a value.
+        self.function: Callable[[float], Any] | None = None
 
     def follow(self, t: float) -> None:
         """Copy the target of time t, where it may be another one than before."""
-        target = self._followed.reference(t)
-        if target is self._seen and not self.moves:
+        target = self._reference(t)
+        if target is self._seen and self.function is None:
             return
-        self._seen, self.moves = target, target.moves
+        self._seen, self.function = target, target.function
         first = 0
         for part in _parts(target):
             self.value[first : first + part.size] = part.ravel()
@@ -211,11 +206,11 @@ class _Following:
 
     def known(self) -> list[int] | None:
         """The row of the table of motions, where kernels know this one."""
-        found = KnownMotion.of(self._followed.given())
+        found = KnownMotion.of(self.function)
         if found is None or found.size != len(self.value):
             return None
         self._kept = Memory(found.numbers, self.value, self.rate, self.second)
-        return [found.kind, found.size, 1, *self._kept.addresses.tolist()]
+        return [found.kind, found.size, *self._kept.addresses.tolist()]
 
 
 def _parts(target: Target) -> tuple[Vec, ...]:
