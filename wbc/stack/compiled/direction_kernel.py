@@ -6,7 +6,7 @@ from math import acos, atan2, cos, floor, pi, sin, sqrt
 from typing import Any
 
 from wbc.compiled import callee, kernel, small_kernel
-from wbc.stack.compiled.geometry import SHORTEST, Three, cross, dot, plus, three, times
+from wbc.stack.compiled.geometry import SHORTEST, Three, cross, dot, plus, scaled, three, times
 from wbc.stack.compiled.row_kernel import Rows, rows
 from wbc.tolerances import SAME
 
@@ -39,16 +39,15 @@ def unit_motion(x: Any, rate: Any, second: Any, nearest: float) -> tuple[Three, 
 
     u̇ = P ẋ / r, P = I − u uᵀ; ü = (ẍ − r̈ u − 2 ṙ u̇) / r, ṙ = u·ẋ, r̈ = u·ẍ + (|ẋ|² − ṙ²) / r.
     """
-    zero = 0.0, 0.0, 0.0
     r = sqrt(dot(x, x))
     if r < nearest:
         s = 1.0 / nearest
-        return plus(zero, s, x), plus(zero, s, rate), plus(zero, s, second), 0.0
-    u = plus(zero, 1.0 / r, x)
+        return scaled(s, x), scaled(s, rate), scaled(s, second), 0.0
+    u = scaled(1.0 / r, x)
     r_rate = dot(u, rate)
     r_second = dot(u, second) + (dot(rate, rate) - r_rate**2) / r
-    du = plus(zero, 1.0 / r, plus(rate, -r_rate, u))
-    ddu = plus(zero, 1.0 / r, plus(plus(second, -r_second, u), -2.0 * r_rate, du))
+    du = scaled(1.0 / r, plus(rate, -r_rate, u))
+    ddu = scaled(1.0 / r, plus(plus(second, -r_second, u), -2.0 * r_rate, du))
     return u, du, ddu, r
 
 
@@ -71,8 +70,7 @@ def _bearing(k: Rows, direction: Any, d_rate: Any, d_second: Any, t_rate: Any, t
         s0, s1 = (sin(_BEHIND) * s0 / length, sin(_BEHIND) * s1 / length) if length > 0.0 else (sin(_BEHIND), 0.0)
         c = -cos(_BEHIND)
     f, f1, f2 = _angle_over_sine(c)
-    zero = 0.0, 0.0, 0.0
-    g0, g1 = plus(plus(zero, f, b1), f1 * s0, a), plus(plus(zero, f, b2), f1 * s1, a)
+    g0, g1 = plus(scaled(f, b1), f1 * s0, a), plus(scaled(f, b2), f1 * s1, a)
     w = three(k.motion[0], 3)
     seen = plus(d_rate, -1.0, cross(w, direction))
     second = plus(d_second, -1.0, cross(w, plus(d_rate, 1.0, seen)))
@@ -109,9 +107,7 @@ def gaze(at: int) -> int:
     g0, g1 = _bearing(k, u, du, ddu, t_rate, t_second)
     for i in range(2):
         g = g0 if i == 0 else g1
-        toward = plus((0.0, 0.0, 0.0), 1.0 / r, plus(g, -dot(g, u), u)) if r > 0.0 else plus(
-            (0.0, 0.0, 0.0), 1.0 / nearest, g
-        )  # fmt: skip
+        toward = scaled(1.0 / r, plus(g, -dot(g, u), u)) if r > 0.0 else scaled(1.0 / nearest, g)
         k.C[i, 0], k.C[i, 1], k.C[i, 2] = toward[0], toward[1], toward[2]
     return 1
 

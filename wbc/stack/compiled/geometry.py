@@ -45,6 +45,12 @@ def plus(a: Any, s: float, b: Any) -> Three:
 
 
 @small_kernel
+def scaled(s: float, x: Any) -> Three:
+    """s x."""
+    return s * x[0], s * x[1], s * x[2]
+
+
+@small_kernel
 def times(R: Vec, x: Any) -> Three:
     """R x, a matrix (9,) by rows."""
     return (

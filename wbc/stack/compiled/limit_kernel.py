@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import cos, sin, sqrt
 
 from wbc.compiled import callee
-from wbc.stack.compiled.geometry import NEAREST, cross, dot, plus, three, times
+from wbc.stack.compiled.geometry import NEAREST, cross, dot, plus, scaled, three, times
 from wbc.stack.compiled.row_kernel import rows
 
 
@@ -24,14 +24,14 @@ def half_spaces(at: int) -> int:
 def cone(at: int) -> int:
     """h = z sin α − r cos α; ``numbers``: apex, axis, α."""
     k = rows(at)
-    zero, axis, angle = (0.0, 0.0, 0.0), three(k.numbers, 3), k.numbers[6]
+    axis, angle = three(k.numbers, 3), k.numbers[6]
     away, u = plus(three(k.place[0], 9), -1.0, three(k.numbers, 0)), three(k.motion[0], 0)
     height = dot(axis, away)
     beside = plus(away, -height, axis)
     r = sqrt(dot(beside, beside) + NEAREST**2)
-    beside = plus(zero, 1.0 / r, beside)
+    beside = scaled(1.0 / r, beside)
     k.e[0] = sin(angle) * height - cos(angle) * r
-    gradient = plus(plus(zero, sin(angle), axis), -cos(angle), beside)
+    gradient = plus(scaled(sin(angle), axis), -cos(angle), beside)
     k.C[0, 0], k.C[0, 1], k.C[0, 2] = gradient[0], gradient[1], gradient[2]
     # d²r/dt² of a straight line at velocity u: (|u_across|² − (∂r/∂p · u)²) / r
     across = plus(u, -dot(axis, u), axis)

@@ -6,14 +6,14 @@ from math import sqrt
 
 from wbc.compiled import callee, kernel
 from wbc.stack.compiled.frame_kernel import pose_error
-from wbc.stack.compiled.geometry import NEAREST, Three, back, cross, dot, plus, three
+from wbc.stack.compiled.geometry import NEAREST, Three, back, cross, dot, plus, scaled, three
 from wbc.stack.compiled.row_kernel import Rows, follow, rows
 from wbc.types import Mat, Vec
 
 
 @kernel
-def _seen(k: Rows, at: Vec, R: Mat) -> None:
-    """The pose of the first frame seen from the second, into ``at`` (3,) and ``R`` (3, 3), and rows of its motion.
+def _seen(k: Rows) -> tuple[Vec, Mat]:
+    """The position (3,) and rotation (3, 3) of the first frame seen from the second; writes the rows of its motion.
 
     With d = p − p_ref, ω_ref the reference's angular velocity and R its axes:
 
@@ -22,6 +22,7 @@ def _seen(k: Rows, at: Vec, R: Mat) -> None:
 
     ``numbers`` say which of the six rows are wanted.
     """
+    at, R = k.work[:3], k.work[3:12].reshape((3, 3))
     axes, w_ref = k.place[1], three(k.motion[1], 3)
     d = plus(three(k.place[0], 9), -1.0, three(k.place[1], 9))
     d_rate = plus(three(k.motion[0], 0), -1.0, three(k.motion[1], 0))
@@ -47,14 +48,14 @@ def _seen(k: Rows, at: Vec, R: Mat) -> None:
             for c in range(3):
                 k.C[r, 3 + c], k.C[r, 9 + c] = axis[c], -axis[c]
             k.bent[r] = bent_turn[i]
+    return at, R
 
 
 @callee
 def pose(at: int) -> int:
     """Position and orientation, or one of them."""
     k = rows(at)
-    p, R = k.work[:3], k.work[3:12].reshape((3, 3))
-    _seen(k, p, R)
+    p, R = _seen(k)
     if len(k.value) > 3:
         pose_error(k, k.value[:9].reshape((3, 3)), k.value[9:], R, p, k.work[12:])
     else:
@@ -67,8 +68,7 @@ def pose(at: int) -> int:
 def closure(at: int) -> int:
     """What a loop that is closed has opened by: the pose at which it was closed is the target."""
     k = rows(at)
-    p, R = k.work[:3], k.work[3:12].reshape((3, 3))
-    _seen(k, p, R)
+    p, R = _seen(k)
     pose_error(k, k.other.T, k.origin, R, p, k.work[12:])
     return 1
 
@@ -83,7 +83,7 @@ def distance(at: int) -> int:
     if two:
         velocity = plus(velocity, -1.0, three(k.motion[1], 0))
     r = sqrt(dot(x, x))
-    n: Three = plus((0.0, 0.0, 0.0), 1.0 / r, x) if r > 0.0 else (1.0, 0.0, 0.0)
+    n: Three = scaled(1.0 / r, x) if r > 0.0 else (1.0, 0.0, 0.0)
     for c in range(3):
         k.C[0, c] = n[c]
         if two:
