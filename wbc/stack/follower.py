@@ -7,7 +7,7 @@ from typing import final
 import numpy as np
 
 from wbc.compiled import Memory
-from wbc.stack.compiled.follow_kernel import RESTS, WAKES, follow
+from wbc.stack.compiled.follow_kernel import LAYOUT, RESTS, WAKES, follow
 from wbc.types import Mat, Vec
 
 #: A cell of the filter is this share of the lag.
@@ -27,12 +27,13 @@ class Follower:
     def __init__(self, place: Vec, limits: Mat, lag: float) -> None:
         n = len(limits)
         turning = 3 if len(place) > n else 0
-        self._moves = np.array([n - turning, turning, RESTS])
-        self._time = np.array([0.0, lag / CELLS, 3.0 / lag])
-        points, axes = np.stack([place] * 3), np.zeros((7, n))
-        self._sample, _, self.place = points
-        *_, self.rate, self.second = axes
-        self._memory = Memory(self._moves, self._time, limits, points, axes)
+        self._moves, self._time = np.array([n - turning, turning, RESTS]), np.array([0.0, lag / CELLS, 3.0 / lag])
+        self._sample, self.place = place.copy(), place.copy()
+        memory = LAYOUT.arrays(
+            self._moves, time=self._time, limits=limits, sample=self._sample, place=place.copy(), there=self.place
+        )
+        self.rate, self.second = memory.rate, memory.second
+        self._memory = Memory(*memory)
 
     def take(self, sample: Vec) -> None:
         """From the next cell on, or from now on where it rests, follow another sample."""

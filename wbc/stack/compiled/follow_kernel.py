@@ -15,9 +15,9 @@ a rotation vector, its speed and what follows in world axes.
 from __future__ import annotations
 
 from math import atan2, cos, inf, pi, sin, sqrt
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
-from wbc.compiled import carray, copy, entry, floats, integers, kernel, small_kernel
+from wbc.compiled import Layout, copy, entry, kernel, small_kernel
 from wbc.tolerances import NOISE, SAME
 from wbc.types import Index, Mat, Vec
 
@@ -29,31 +29,24 @@ _HALF_TURN = pi + 0.2
 
 
 class _Follower(NamedTuple):
-    sizes: Index  # linear axes, angular axes (0 or 3), what it does
-    time: Vec  # since the cell began, h, ω
-    limits: Mat  # (n, 3): V, A, J
-    sample: Vec  # linear, and a quaternion
-    place: Vec  # where it was when the cell began
-    there: Vec  # now
-    v: Vec  # (n) each: when the cell began
-    a: Vec
-    jerk: Vec  # of the cell
-    brakes: Vec  # 1 where it is a stop instead
-    left: Vec  # sample minus place
-    rate: Vec  # now
-    second: Vec
+    sizes: Annotated[Index, "3"]  # linear axes, angular axes (0 or 3), what it does
+    time: Annotated[Vec, "3"]  # since the cell began, h, ω
+    limits: Annotated[Mat, "n, 3"]  # V, A, J
+    sample: Annotated[Vec, "places"]  # linear, and a quaternion
+    place: Annotated[Vec, "places"]  # where it was when the cell began
+    there: Annotated[Vec, "places"]  # now
+    v: Annotated[Vec, "n"]  # when the cell began
+    a: Annotated[Vec, "n"]
+    jerk: Annotated[Vec, "n"]  # of the cell
+    brakes: Annotated[Vec, "n"]  # 1 where it is a stop instead
+    left: Annotated[Vec, "n"]  # sample minus place
+    rate: Annotated[Vec, "n"]  # now
+    second: Annotated[Vec, "n"]
 
 
-@small_kernel
-def _follower(at: int) -> _Follower:
-    m = carray(integers(at), 5)
-    sizes = carray(integers(m[0]), 3)
-    n, places = sizes[0] + sizes[1], sizes[0] + (4 if sizes[1] else 0)
-    points, axes = carray(floats(m[3]), (3, places)), carray(floats(m[4]), (7, n))
-    return _Follower(
-        sizes, carray(floats(m[1]), 3), carray(floats(m[2]), (n, 3)), points[0], points[1], points[2], axes[0], axes[1],
-        axes[2], axes[3], axes[4], axes[5], axes[6],
-    )  # fmt: skip
+LAYOUT = Layout(_Follower, n="sizes[0] + sizes[1]", places="sizes[0] + (4 if sizes[1] else 0)")
+#: In a kernel: the arrays at an address.
+_follower = LAYOUT.views
 
 
 @small_kernel
