@@ -198,7 +198,7 @@ def test_what_a_component_sees_is_to_be_read() -> None:
         plan.extra_bias[:] = np.nan
 
     def normals(plan: Any) -> None:
-        plan.normal_limits[:] = np.nan
+        plan.applied.normal_limits[:] = np.nan
 
     def motion(plan: Any) -> None:
         plan.intervals.replace("velocity", -1.0, 1.0)

@@ -291,7 +291,7 @@ class Controller(Solving):
         if self.components:
             said = self._overrides()
             try:
-                self.plan.apply(said)
+                self.plan.applied.apply(said)
                 self.plan.applied.refuse_no_inertia(self.state)
             except WbcError:
                 raise

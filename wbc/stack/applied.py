@@ -59,7 +59,8 @@ class Applied:
         self.version = 0
         #: Rises whenever the bounds on normal forces may have changed.
         self.normal_version = 0
-        self._said: Said = ()
+        #: The overrides in force, by the names of the components that said them.
+        self.said: Said = ()
         self._keys: Mapping[Any, list[Any]] = {}
 
     def reset(self) -> None:
@@ -73,7 +74,7 @@ class Applied:
         Raises:
             WbcError: something in them makes no sense, by the component's name; then nothing has changed.
         """
-        if len(said) == len(self._said) and all(one[1] is two[1] for one, two in zip(said, self._said, strict=True)):
+        if len(said) == len(self.said) and all(one[1] is two[1] for one, two in zip(said, self.said, strict=True)):
             return
         motors: dict[int, Motor] = {}
         settings: Mapping[str, Mapping[str, Any]] = {}
@@ -85,16 +86,19 @@ class Applied:
             share[joint], offset[joint] = motor
         keys_ = {part: [getattr(overrides, what) for _, overrides in said for what in part] for part in _PARTS}
         torque = self._torques(said, share, offset) if self._moved(keys_, _TORQUE) else None
-        motion = self._motions(said) if self._moved(keys_, _MOTION) else {}
+        motion = self._own_motion if self._moved(keys_, _MOTION) else {}
+        motion = {quantity: self._overridden(quantity, *bounds, said) for quantity, bounds in motion.items()}
         limits, floors = self._normals(said)
         bias, inertia = self._added(said)
         # Nothing is refused any more.
-        self._said, self._keys = said, keys_
+        self.said, self._keys = said, keys_
         self._binding.override(settings)
-        self._take_torques(torque)
+        if torque is not None and not _same(torque, self._torque):
+            for bound, new in zip(self._torque, torque, strict=True):
+                bound[:] = new
+            self.version += 1
         for quantity, bounds in motion.items():
-            before = self._motion[quantity]
-            if not all(np.array_equal(new, old) for new, old in zip(bounds, before, strict=True)):
+            if not _same(bounds, self._motion[quantity]):
                 self._motion[quantity] = bounds
                 self.intervals.replace(quantity, *bounds, by_plan=True)
         self._limits[:], self._floors[:], self._bias[:], self.inertia = limits, floors, bias, inertia
@@ -103,14 +107,9 @@ class Applied:
             self._motors, self.actuators = motors, Actuators(share, offset)
 
     @property
-    def said(self) -> Said:
-        """The overrides in force, by the names of the components that said them."""
-        return self._said
-
-    @property
     def lifts(self) -> bool:
         """Whether limits of some joint are lifted in this tick: it moves as the others move it."""
-        return any(overrides.lifted for _, overrides in self._said)
+        return any(overrides.lifted for _, overrides in self.said)
 
     def _moved(self, keys_: Mapping[Any, list[Any]], part: tuple[str, ...]) -> bool:
         """Whether a part of the overrides is made of other objects than those in force."""
@@ -137,18 +136,11 @@ class Applied:
         low, high = self._own_torque[0].copy(), self._own_torque[1].copy()
         narrow(low, high)
         low, high = _given(low, high, self.actuators.share, self.actuators.offset)
-        for _, overrides in self._said:
+        for _, overrides in self.said:
             lifted = list(overrides.lifted.get("torque", ()))
             low[lifted], high[lifted] = -np.inf, np.inf
         low, high = np.maximum(low, self._torque[0]), np.minimum(high, self._torque[1])
         return np.minimum(low, high), high  # a component may have left less than the state leaves
-
-    def _take_torques(self, bounds: _Bounds | None) -> None:
-        if bounds is None or all(np.array_equal(new, old) for new, old in zip(bounds, self._torque, strict=True)):
-            return
-        for bound, new in zip(self._torque, bounds, strict=True):
-            bound[:] = new
-        self.version += 1
 
     def _checked_motors(self, name: str, overrides: Overrides) -> dict[int, Motor]:
         if overrides.motors and not self._level.dynamics:
@@ -163,11 +155,7 @@ class Applied:
             found[i] = Motor(share, checks.number(f"{name}.motors[{i}].offset", offset))
         return found
 
-    # ---- motion
-    def _motions(self, said: Said) -> dict[str, _Bounds]:
-        return {what: self._overridden(what, *bounds, said) for what, bounds in self._own_motion.items()}
-
-    # ---- both
+    # ---- torques and motion
     def _overridden(self, quantity: str, low: Vec, high: Vec, said: Said) -> _Bounds:
         """The stack's own bounds where none is lifted, narrowed."""
         low, high = low.copy(), high.copy()
@@ -238,7 +226,7 @@ class Applied:
         except np.linalg.LinAlgError:
             values = np.linalg.eigvalsh(M)
             if values[0] < -ROUNDING * values[-1]:  # zeros are links without mass
-                names = ", ".join(name for name, overrides in self._said if overrides.inertia is not None)
+                names = ", ".join(name for name, overrides in self.said if overrides.inertia is not None)
                 raise InvalidInput(
                     f"{names}.inertia: M + inertia has the eigenvalue {values[0]:.3g}; an inertia has none below 0"
                 ) from None
@@ -308,6 +296,10 @@ def _given(low: Vec, high: Vec, share: Vec, offset: Vec) -> _Bounds:
             np.maximum(low, np.where(share > 0.0, share * low, 0.0) - offset),
             np.minimum(high, np.where(share > 0.0, share * high, 0.0) - offset),
         )
+
+
+def _same(new: _Bounds, old: _Bounds) -> bool:
+    return all(map(np.array_equal, new, old))
 
 
 def _read_only(array: Vec) -> Vec:

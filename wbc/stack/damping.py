@@ -84,7 +84,6 @@ class ResidualDamping:
         self._memory = Memory(*memory)
         #: For the compiled code that reads what the last answer left.
         self.address = self._memory.address
-        self.reset()
 
     def reset(self) -> None:
         """No damping, as before the first tick."""
@@ -199,18 +198,18 @@ class Damping:
 
     def reset(self) -> None:
         """No damping, as before the first tick."""
-        for damping in (self.in_metric, *self.of_levels):
+        for damping in self._all:
             damping.reset()
 
     @property
     def is_on(self) -> bool:
         """Whether any joint is damped, by any level."""
-        return any(damping.is_on for damping in (self.in_metric, *self.of_levels))
+        return any(damping.is_on for damping in self._all)
 
     @property
     def largest(self) -> float:
         """The largest weight of the damping of a joint."""
-        return max(float(damping.applied.max(initial=0.0)) for damping in (self.in_metric, *self.of_levels))
+        return max(float(damping.applied.max(initial=0.0)) for damping in self._all)
 
     def go_on_from(self, former: Damping) -> None:
         """Damp as another did, level by level, where the tasks have the same names."""

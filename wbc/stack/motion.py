@@ -74,11 +74,3 @@ class MotionRows:
                     f"{name}.{what} is {value[i]:g}; with dt = {self._dt:g} s more than {limit[i]:g} ({formula}) makes "
                     "the error grow from tick to tick"
                 )
-
-    def clear(self) -> None:
-        """References that a task does not write are zero, in every tick."""
-        self.numbers[2:4] = 0.0
-
-    def freeze(self) -> None:
-        """Called once after all checks: remember which tasks write their own error rate."""
-        self.writes_ed[:] = ~np.isnan(self.own_ed)

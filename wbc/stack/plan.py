@@ -7,7 +7,7 @@ applies all gains at once and completes the row problem (:mod:`wbc.qp.rows.probl
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import final
 
 import numpy as np
@@ -33,7 +33,6 @@ from wbc.stack.layout import Layout, of_kind
 from wbc.stack.level import Level
 from wbc.stack.member import Binding, explained
 from wbc.stack.motion import MotionRows
-from wbc.stack.overrides import Overrides
 from wbc.stack.stack import Stack
 from wbc.stack.stopping import Stopping
 from wbc.types import Status, Vec
@@ -44,13 +43,13 @@ class Plan(Filled):
     """A compiled stack: sizes, memory, views and row names; made by ``level.compile(model, stack, dt=…)``.
 
     ``stack`` holds the plan's own copies of the members, prepared for the model and read-only. Assignments to the
-    members of the user reach the copies at the next ``fill``, overrides of components by ``apply``.
+    members of the user reach the copies at the next ``fill``, overrides of components by ``applied.apply``.
 
-    Read-only values of this tick (:class:`~wbc.stack.applied.Applied`): ``torque_bounds`` (lower, upper),
-    (nj,) each [N m, N]; ``bounds(quantity)`` on a joint's position, velocity and acceleration; ``extra_bias`` (nv,), a
-    generalised force added to h, and ``extra_inertia`` (nv, nv) or None, added to M; ``normal_limits`` and
-    ``normal_floors`` (contacts,) [N], in the order of the whole stack's contacts; ``actuators``, what motors make of a
-    command.
+    Read-only values of this tick: ``torque_bounds`` (lower, upper), (nj,) each [N m, N]; ``bounds(quantity)`` on a
+    joint's position, velocity and acceleration; ``extra_bias`` (nv,), a generalised force added to h; ``actuators``,
+    what motors make of a command; in ``applied`` (:class:`~wbc.stack.applied.Applied`) the ``inertia`` (nv, nv) or None
+    that is added to M, and ``normal_limits`` and ``normal_floors`` (contacts,) [N], in the order of the whole stack's
+    contacts.
     """
 
     __slots__ = (
@@ -122,9 +121,8 @@ class Plan(Filled):
             applied = like.applied
         self.all_tasks = self.stack.tasks if like is None else like.all_tasks
         self.applied, self.intervals, self.extra_bias = applied, applied.intervals, applied.bias
-        self.places, self.torque_bounds = applied.places, applied.torque_bounds
-        self.normal_limits, self.normal_floors = applied.normal_limits, applied.normal_floors
-        self._place = np.array([self.places[contact.name] for contact in contacts], dtype=np.intp)
+        self.torque_bounds = applied.torque_bounds
+        self._place = np.array([applied.places[contact.name] for contact in contacts], dtype=np.intp)
         if like is None:
             self.anchors = [Anchor(np.eye(3), np.zeros(3)) for _ in contacts]
         else:
@@ -201,7 +199,7 @@ class Plan(Filled):
         for block in self.layout.motions:
             explained(f"{block.name}.fill", block.fill, trial)
             block.check(self.level.order)
-        self.motion.freeze()
+        self.motion.writes_ed[:] = ~np.isnan(self.motion.own_ed)
         self.bind(trial)()
         self._run(FILL)  # rows about torques are made of these
         for row in self.layout.others:
@@ -267,14 +265,6 @@ class Plan(Filled):
         """Damp as the plan of another stack did."""
         self.damping.go_on_from(former.damping)
         share(self._shares.address)
-
-    def apply(self, said: Sequence[tuple[str, Overrides]]) -> None:
-        """From the next ``fill`` on these overrides hold, by the names of those who said them, and no others.
-
-        Raises:
-            WbcError: something in them makes no sense, by the component's name; then nothing has changed.
-        """
-        self.applied.apply(said)
 
     def _run(self, stages: int) -> int:
         """Compiled stages of a tick."""
@@ -394,11 +384,12 @@ class Plan(Filled):
 
     def _bound_normals(self) -> None:
         """What contacts say of their normal forces, and, before that, what components allow."""
-        p, at, pressing, (least, most) = self.problem, self._normal, self._pressing, self._own_normals
-        self._normal_version = self.applied.normal_version
-        scale, upper = p.scale[at], np.minimum(most, self.normal_limits[pressing])
+        applied, p, at, pressing = self.applied, self.problem, self._normal, self._pressing
+        least, most = self._own_normals
+        self._normal_version = applied.normal_version
+        scale, upper = p.scale[at], np.minimum(most, applied.normal_limits[pressing])
         p.ub[at] = upper / scale
-        p.lb[at] = np.minimum(np.maximum(least, self.normal_floors[pressing]), upper) / scale
+        p.lb[at] = np.minimum(np.maximum(least, applied.normal_floors[pressing]), upper) / scale
 
     def bind(self, state: RobotState) -> CompiledFill:
         """What fills from this state, also the next time: a plan that is filled from one state loses no time here."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 from wbc.models.model import RobotModel
@@ -11,7 +11,7 @@ from wbc.stack.level import Level
 from wbc.stack.member import Binding
 from wbc.stack.objective import Objective
 from wbc.stack.overrides import Actuators
-from wbc.types import Mat, Vec
+from wbc.types import Vec
 
 if TYPE_CHECKING:  # these load the compiler, and components read views
     from wbc.stack.applied import Applied
@@ -42,8 +42,7 @@ class PlanView:
     """Of which members a plan is made, and what holds in the present tick. Nothing here can be written."""
 
     __slots__ = (
-        "all_tasks", "applied", "binding", "dt", "extra_bias", "intervals", "level", "model", "normal_floors",
-        "normal_limits", "places", "stack", "torque_bounds",
+        "all_tasks", "applied", "binding", "dt", "extra_bias", "intervals", "level", "model", "stack", "torque_bounds",
     )  # fmt: skip
 
     model: RobotModel
@@ -58,13 +57,8 @@ class PlanView:
     applied: Applied
     #: Added to h (nv,) in this tick [N, N m], read-only.
     extra_bias: Vec
-    #: Place of each contact among those of the whole stack, by name, and by frame where no other has the same.
-    places: Mapping[str, int]
     #: Bounds on the torques (lower, upper), (nj,) each [N m, N], read-only.
     torque_bounds: tuple[Vec, Vec]
-    #: Upper and lower bounds on the normal forces (contacts,) [N], read-only.
-    normal_limits: Vec
-    normal_floors: Vec
 
     def bounds(self, quantity: str) -> tuple[Vec, Vec]:
         """Bounds (nj,) on each joint's "position", "velocity", "acceleration" or "jerk" in this tick, copies.
@@ -73,11 +67,6 @@ class PlanView:
             InvalidInput: no such quantity.
         """
         return self.intervals.bounds(quantity)
-
-    @property
-    def extra_inertia(self) -> Mat | None:
-        """Added to M (nv, nv) in this tick."""
-        return self.applied.inertia
 
     @property
     def actuators(self) -> Actuators:

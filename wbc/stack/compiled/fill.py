@@ -29,7 +29,7 @@ class CompiledFill:
     def __init__(self, plan: Filled, state: Any, failed: Callable[[str, Exception], None]) -> None:
         self.state, self._failed = state, failed
         layout, motion, p, model = plan.layout, plan.motion, plan.problem, plan.model
-        self._applied, self._binding, self._motion = plan.applied, plan.binding, motion
+        self._applied, self._binding, self._references = plan.applied, plan.binding, motion.numbers[2:4]
         self._inertia: Mat | None = None
         second = plan.level.order == 2
         self._now, self._version = np.zeros(1), -1
@@ -77,7 +77,7 @@ class CompiledFill:
         """Write for what the state is now whatever is not compiled, and what the kernel reads."""
         state, version = self.state, self._binding.targets
         if self._calls:
-            self._motion.clear()
+            self._references[:] = 0.0  # those that a task does not write are zero, in every tick
             for block in self._calls:
                 try:
                     block.fill(state)
