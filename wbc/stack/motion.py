@@ -36,29 +36,24 @@ class MotionRows:
         self.kd[n:] = 1.0
 
     def set_gains(self, at: slice, member: Any) -> None:
-        """Read the gains of a task or contact.
+        """Read the gains of a task or contact, and refuse those that no time step of this size can carry.
+
+        Order 1: e⁺ = (1 − rate dt) e is stable for rate <= 2/dt. Order 2, with q⁺ = q + v dt + ½ a dt² and
+        v⁺ = v + a dt: both eigenvalues are in the unit circle for kd <= 2/dt and kp <= 2 kd/dt (Jury's criterion).
+        kd = 0, damping left to another task, is allowed up to the largest kp of any kd, 4/dt².
 
         Raises:
             InvalidInput: gains with which errors grow from tick to tick; at the velocity level, kp > 0, kd = 0 and no
                 rate.
         """
-        self.kp[at], self.kd[at], self.rate[at] = member.gains()
-        if self.order == 1 and np.isinf(self.rate[at]).any():
-            raise InvalidInput(
-                f"{member.name} has kd = 0, so kp / kd says nothing at the velocity level; give it a rate"
-            )
-        self._refuse_unstable(at, member.name)
-
-    def _refuse_unstable(self, at: slice, name: str) -> None:
-        """Refuse gains that no time step of this size can carry.
-
-        Order 1: e⁺ = (1 − rate dt) e is stable for rate <= 2/dt. Order 2, with q⁺ = q + v dt + ½ a dt² and
-        v⁺ = v + a dt: both eigenvalues are in the unit circle for kd <= 2/dt and kp <= 2 kd/dt (Jury's criterion).
-        kd = 0, damping left to another task, is allowed up to the largest kp of any kd, 4/dt².
-        """
-        most = 2.0 / self._dt * (1.0 + SAME)
         kp, kd, rate = self.kp[at], self.kd[at], self.rate[at]
+        kp[:], kd[:], rate[:] = member.gains()
+        most = 2.0 / self._dt * (1.0 + SAME)
         if self.order == 1:
+            if np.isinf(rate).any():
+                raise InvalidInput(
+                    f"{member.name} has kd = 0, so kp / kd says nothing at the velocity level; give it a rate"
+                )
             checks = [("rate", rate, np.full(len(rate), most), "2/dt")]
         else:
             largest = most * np.where(kd > 0.0, kd, most)
@@ -71,6 +66,6 @@ class MotionRows:
             if beyond.any():
                 i = int(np.argmax(beyond))
                 raise InvalidInput(
-                    f"{name}.{what} is {value[i]:g}; with dt = {self._dt:g} s more than {limit[i]:g} ({formula}) makes "
-                    "the error grow from tick to tick"
+                    f"{member.name}.{what} is {value[i]:g}; with dt = {self._dt:g} s more than {limit[i]:g} "
+                    f"({formula}) makes the error grow from tick to tick"
                 )

@@ -14,6 +14,19 @@ from wbc.stack.member import Member
 from wbc.types import Vec
 
 
+def row_numbers(name: str, about: str, *, optional: bool = False) -> Any:
+    """A setting of a number for all rows, one for each, or by label; None, if it is optional."""
+
+    def read(task: Objective) -> float | Vec | ByName | None:
+        found: float | Vec | ByName | None = getattr(task, f"_{name}")
+        return found
+
+    def assign(task: Objective, value: Any) -> None:
+        setattr(task, f"_{name}", None if value is None and optional else task._numbers(name, value))
+
+    return property(read, assign, doc=about)
+
+
 class Objective(Member):
     """Anything that can stand among the tasks of a stack: a name, a weight, a switch.
 
@@ -35,14 +48,7 @@ class Objective(Member):
         self._name = name
         self.weight = weight
 
-    @property
-    def weight(self) -> float | Vec | ByName:
-        """Weight of the squared error, scalar, (dim,) or by label."""
-        return self._weight
-
-    @weight.setter
-    def weight(self, value: Any) -> None:
-        self._weight = self._numbers("weight", value)
+    weight = row_numbers("weight", "Weight of the squared error, scalar, (dim,) or by label.")
 
     def _numbers(self, what: str, value: Any) -> float | Vec | ByName:
         """A weight or gain as it is given: >= 0, and of the right size or labels as soon as these are known."""

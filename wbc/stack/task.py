@@ -20,7 +20,7 @@ from wbc.stack.constraint import Barrier, BarrierRows, ConstraintRows, LinearCon
 from wbc.stack.contact import Anchor, Contact
 from wbc.stack.kernel_rows import KernelRows, kernel_rows_of
 from wbc.stack.member import EFFORTS, Member
-from wbc.stack.objective import Objective
+from wbc.stack.objective import Objective, row_numbers
 from wbc.stack.task_rows import TaskRows
 from wbc.types import Index, Mat, Vec
 
@@ -37,19 +37,6 @@ class LinearRows:
 
     A: Mat
     b: Vec
-
-
-def _gain(name: str, about: str, *, optional: bool = True) -> Any:
-    """A setting of a number for all rows, one for each, or by label; None, if it is optional."""
-
-    def read(task: Task) -> float | Vec | ByName | None:
-        found: float | Vec | ByName | None = getattr(task, f"_{name}")
-        return found
-
-    def assign(task: Task, value: Any) -> None:
-        setattr(task, f"_{name}", None if value is None and optional else task._numbers(name, value))
-
-    return property(read, assign, doc=about)
 
 
 class Task(Objective):
@@ -75,11 +62,9 @@ class Task(Objective):
         super().__init__(name=name, weight=weight)
         self.kp, self.kd, self.rate = kp, kd, rate
 
-    kp = _gain(
-        "kp", "Gain on the error [1/s²]; may be assigned between ticks, as may ``kd`` and ``rate``.", optional=False
-    )
-    kd = _gain("kd", "Gain on the error's rate [1/s]; None: critical, 2 √kp.")
-    rate = _gain("rate", "Gain at the velocity level [1/s]; None: kp / kd.")
+    kp = row_numbers("kp", "Gain on the error [1/s²]; may be assigned between ticks, as may ``kd`` and ``rate``.")
+    kd = row_numbers("kd", "Gain on the error's rate [1/s]; None: critical, 2 √kp.", optional=True)
+    rate = row_numbers("rate", "Gain at the velocity level [1/s]; None: kp / kd.", optional=True)
 
     def gains(self) -> tuple[Vec, Vec, Vec]:
         """kp, kd and rate of each row, (dim,) each; a rate is infinite where kp > 0 and kd = 0 and none was given."""
