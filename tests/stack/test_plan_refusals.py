@@ -22,7 +22,7 @@ from tests.stack.test_plan import SharedLoad, controller
 from wbc.errors import InvalidInput, MemberFailed, NotSupported, UnknownFrame, UnknownName
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.stack.constraint import Barrier, BarrierRows, ConstraintRows, LinearConstraint
-from wbc.stack.contact import Anchor, ContactRows
+from wbc.stack.contact import Anchor
 from wbc.stack.task import LinearRows, LinearTask, Task, TaskRows
 
 
@@ -150,7 +150,7 @@ class Foot(wbc.Contact):
     def anchor(self, state: Any) -> Anchor:
         return Anchor(np.eye(3), state.frame(self.frame).position)
 
-    def fill(self, state: Any, anchor: Anchor, out: ContactRows) -> None:
+    def fill(self, state: Any, anchor: Anchor, out: TaskRows) -> None:
         frame = state.frame(self.frame)
         out.J[:], out.drift[:] = frame.jacobian()[:3], frame.drift()[:3]
         out.e[:] = anchor.position - frame.position
