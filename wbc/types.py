@@ -63,7 +63,10 @@ class Status(Enum):
     @property
     def ok(self) -> bool:
         """True if the solution may be used as it is."""
-        return self is Status.SOLVED
+        return self is _SOLVED
 
     def __str__(self) -> str:
         return self.name.lower().replace("_", " ")
+
+
+_SOLVED = Status.SOLVED  # a member of an Enum is slow to look up

@@ -38,6 +38,9 @@ from wbc.stack.stack import Stack
 from wbc.tolerances import MET
 from wbc.types import Status, Vec
 
+#: A member of an Enum is slow to look up, and a tick asks for this one.
+_SOLVED = Status.SOLVED
+
 
 @final
 class Controller(Solving):
@@ -255,10 +258,10 @@ class Controller(Solving):
             self.why = str(failure)
             return self.fallbacks.failed(moment)
         self.status, plan = status, self.plan
-        if plan.stopping is not None and status is Status.SOLVED:
+        if plan.stopping is not None and status is _SOLVED:
             plan.stopping.keep(plan, state, self._solve_again)
             status = self.status
-        if status is not Status.SOLVED:
+        if status is not _SOLVED:
             return self.fallbacks.descend(status, moment)
         if plan.intervals.recovering:
             self.why = plan.intervals.recovery(state.q_joints)
@@ -273,7 +276,7 @@ class Controller(Solving):
 
     def _solve_again(self) -> bool:
         self.status = self.solve_with(self.mode.solver)
-        return self.status is Status.SOLVED
+        return self.status is _SOLVED
 
     # What overflows has a status: where warnings are errors, a tick raises none. Compiled code never warns.
     _decide_in_silence = np.errstate(all="ignore")(_decide)

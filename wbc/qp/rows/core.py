@@ -28,6 +28,7 @@ _PAYS = 3e5
 _LIGHT = 1.0 / SHARP
 #: What kernels say of an answer; FAILED whatever else they say.
 STATUS = {SOLVED: Status.SOLVED, INACCURATE: Status.INACCURATE, INFEASIBLE: Status.INFEASIBLE}
+_FAILED = Status.FAILED  # members of an Enum are slow to look up in a tick
 
 
 @final
@@ -71,16 +72,17 @@ class CoreSolver(RowSolver):
         return self.concluded(answer(self.address))
 
     def concluded(self, code: int) -> Status:
-        guesses, steps = self.work
+        guesses, steps = self._sizes.item(7), self._sizes.item(8)
         self.iterations = guesses + steps
         self.counts.add(guesses, steps)
-        if code in (SOLVED, INACCURATE):
+        status = STATUS.get(code, _FAILED)
+        if status is not _FAILED and code != INFEASIBLE:
             numbers, owners = self._report.tobytes(), self._owners
             self.proof = lambda: proven(numbers, owners)
         else:
             self.reset()
             self.certificate = Certificate.none()
-        return STATUS.get(code, Status.FAILED)
+        return status
 
     @property
     def work(self) -> tuple[int, int]:
