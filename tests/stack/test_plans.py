@@ -197,6 +197,9 @@ def test_two_contacts_on_one_frame_take_turns_by_name() -> None:
     assert on_edge.f[edge.name][2] > 0.0 == on_edge.f[f"Point[{first}]"][2]
     with pytest.raises(UnknownName, match=f"no contact '{first}'"):
         ticked(first)
+    press = Stack([ContactForce(first, target=[0.0, 0.0, 60.0])], contacts=[*stack.contacts, edge])
+    with pytest.raises(UnknownName, match=f"no contact '{first}'"):
+        wbc.Controller(QUADRUPED, press, level=wbc.InverseDynamics())
 
 
 @pytest.mark.parametrize("hierarchy", [wbc.Strict(), wbc.Scaled()], ids=lambda hierarchy: type(hierarchy).__name__)

@@ -193,6 +193,9 @@ class Softly(Objective):
     The cost is zero while the constraint holds, so it does not affect the tasks beside and below it. Under
     :class:`~wbc.stack.hierarchy.Strict` it is an inequality at its level: no level below can increase its violation.
 
+    y is what the constraint bounds in the QP. Limits on a joint's motion bound the level's unknown, so that their s is
+    in rad/s (m/s) at the velocity level, and in rad/s² (m/s²) at the others; a ``LinearConstraint`` keeps its own unit.
+
     Source: Kanoun, Lamiraux, Wieber, IEEE T-RO 27(4), 2011.
 
     Example:

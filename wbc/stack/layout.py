@@ -13,7 +13,7 @@ from wbc.models.model import RobotModel
 from wbc.qp.problem import Row
 from wbc.stack.block import Block, MotionBlock, RowBlock, says_of
 from wbc.stack.constraint import Barrier, Constraints, JointInterval, LinearConstraint, Softly
-from wbc.stack.contact import AXES, WRENCH, Contact
+from wbc.stack.contact import AXES, WRENCH, Contact, keys
 from wbc.stack.level import Level
 from wbc.stack.member import EFFORTS, explained
 from wbc.stack.stack import Stack
@@ -173,15 +173,15 @@ class Layout:
         """Columns of the wrenches that a member on "force" speaks of; none for others.
 
         Raises:
-            UnknownContact: no contact of that name or frame.
+            UnknownContact: no contact of that name, or none or several of that frame.
         """
         columns: list[int] = []
+        held = {block.member.name: block for block in self.contacts}
+        called = dict(keys([block.member for block in self.contacts]))
         for name in force_of(member):
-            held = [block for block in self.contacts if name in (block.member.name, block.member.frame)]
-            if not held:
-                frames = [block.member.frame for block in self.contacts]
-                raise UnknownContact(name, frames, f"{member.name} is about its force")
-            columns += range(self.n)[held[0].unknowns]
+            if name not in called:
+                raise UnknownContact(name, called, f"{member.name} is about its force")
+            columns += range(self.n)[held[called[name]].unknowns]
         return np.array(columns, dtype=np.intp)
 
     # ---- names
