@@ -59,3 +59,22 @@ def test_last_bits_and_the_order_of_joints_and_rows_change_nothing_but_last_bits
                 answer.tau, found.tau[places], rtol=0, atol=1e-7 * (1.0 + np.abs(np.nan_to_num(found.tau)).max())
             )
     assert min(kinds[kind] for kind in ("never", "whole", "scaled")) >= settings().max_examples // 5, kinds
+
+
+def test_a_row_that_nothing_moves_stops_the_task_though_rounding_takes_the_scale_below_zero():
+    """0 q̈ = s t holds at s = 0 alone; rounding of the first and last row, which are one, makes it −1e-9."""
+    M = [
+        [7, -3, -3, 3, 1, -3, 0, 1], [-3, 8, 1, -1, 0, 1, 1, 1], [-3, 1, 7, -2, -3, 0, -2, 0],
+        [3, -1, -2, 7, 4, 0, 0, 1], [1, 0, -3, 4, 7, 1, 2, 1], [-3, 1, 0, 0, 1, 6, 2, 0],
+        [0, 1, -2, 0, 2, 2, 4, 1], [1, 1, 0, 1, 1, 0, 1, 5],
+    ]  # fmt: skip
+    unit = np.array([1e4, 1e3, 1.0, 1.0, 1e-4, 2e4])
+    J = [
+        [-1, -2, 2, 1, 0, 1, -1, 0], [-2, 1, 2, -1, 0, -2, 1, 1], [0] * 8, [-2, 1, 1, 2, 1, 1, 0, 2],
+        [-2, -1, 1, 1, 2, 0, -2, -1], [-1, -2, 2, 1, 0, 1, -1, 0],
+    ]  # fmt: skip
+    task = WeightedTorque(
+        np.array(M, dtype=float), [-1.0, 1.0, -2.0, 0.0, 1.0, 0.0, -1.0, 2.0], unit[:, None] * J,
+        [-1e4, 1e3, -2e-3, 1.0, 1e-4, -2e4], tau_0=[0.0, -1.0, 2.0, -1.0, -1.0, 2.0, 2.0, 1.0], weight="identity",
+    )  # fmt: skip
+    assert task.closed_form().scale == pytest.approx(0.0, abs=1e-8)

@@ -226,9 +226,8 @@ class WeightedTorque(Method):
         task = found.unreached(np.append(self.task_acceleration, np.zeros(len(self.e))))
         if np.linalg.norm(task) <= rounding:
             return np.nan
-        scale = 1.0 - float(task @ unmet / (task @ task))
-        reached = np.linalg.norm(unmet - (1.0 - scale) * task) <= rounding
-        return float(np.clip(scale, 0.0, 1.0)) if reached and -SAME <= scale <= 1.0 else np.nan
+        scale = float(np.clip(1.0 - task @ unmet / (task @ task), 0.0, 1.0))
+        return scale if np.linalg.norm(unmet - (1.0 - scale) * task) <= rounding else np.nan
 
     def _none(self) -> Torque:
         nothing = np.full(len(self.n), np.nan)
