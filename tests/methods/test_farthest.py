@@ -104,6 +104,20 @@ def test_last_bits_and_the_order_of_joints_and_rows_change_nothing_but_last_bits
         assert_same(near.closed_form(), found, np.arange(n))
 
 
+def test_a_row_that_is_asked_for_two_things_stops_the_task_and_no_more():
+    """r x + d = s t = −s t: at s = 0 there is a point, since d = −r x with x inside the limits."""
+    rng = generator("rows that disagree")
+    for _ in range(COUNT // 4):
+        n = int(rng.integers(1, 6))
+        row, inside = rng.integers(-2, 3, size=n).astype(float), rng.integers(-4, 5, size=n).astype(float)
+        unit, target = 10.0 ** rng.integers(-4, 5), float(rng.choice([0.1, 0.3, 1.0]))
+        found = NullSpaceSaturation(
+            unit * np.vstack([row, row]), [-target, target], lower=inside - rng.integers(0, 2, size=n),
+            upper=inside + rng.integers(0, 2, size=n), drift=np.full(2, -unit * row @ inside),
+        ).closed_form()  # fmt: skip
+        assert found.feasible and found.scale == pytest.approx(0.0, abs=1e-9)
+
+
 def test_numbers_without_ties_have_the_scale_of_the_linear_program_too():
     rng = generator("numbers without ties")
     for _ in range(COUNT // 4):

@@ -254,7 +254,7 @@ class _Level:
         (J, target, drift), n = task, len(lower)
         found = factors(J, of_unit_length=True)
         rows, right = (np.zeros((0, n)), np.zeros(0)) if kept is None else kept
-        self.lower, self.upper, self.full = lower, upper, float(np.linalg.norm(found.solve(target))) or 1.0
+        self.lower, self.upper, self.full = lower, upper, found.size(target) or 1.0
         known = float(np.linalg.norm(_known(lower, upper)))
         self.size = min(self.full, known or self.full) + float(np.linalg.norm(found.solve(drift)))
         # A limit that the whole task meets exactly would else stop it or not, as rounding falls.

@@ -117,6 +117,12 @@ class Factors(NamedTuple):
         result: Vec = (self.U.T @ (b / self.length)) / self.values
         return result
 
+    def size(self, b: Vec) -> float:
+        """‖A# b‖; what rows give of b counts as zero where it is rounding."""
+        given = self.U.T @ (b / self.length)
+        given[np.abs(given) <= ROUNDING * np.linalg.norm(b / self.length)] = 0.0
+        return float(np.linalg.norm(given / self.values))
+
     def inverse(self, b: Vec) -> Vec:
         """A# b, the least-squares solution of least norm."""
         result: Vec = self.V.T @ self.solve(b)

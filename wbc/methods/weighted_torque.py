@@ -36,7 +36,7 @@ from wbc.methods.method import Method
 from wbc.methods.shared import Factors, box, factors, inverse_root, metric, root
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
-from wbc.tolerances import ROUNDING, SAME
+from wbc.tolerances import SAME
 from wbc.types import Mat, Vec
 
 FORMS = ("torque", "acceleration", "joint")
@@ -315,10 +315,8 @@ class WeightedTorque(Method):
             lb=np.append(qp.lb, 0.0), ub=np.append(qp.ub, 1.0),
         )  # fmt: skip
         rows = factors(qp.A @ root_x, of_unit_length=True)
-        reach = rows.solve(column[:, 0])
-        reach[np.abs(rows.values * reach) <= ROUNDING * np.linalg.norm(column[:, 0] / rows.length)] = 0.0
         wide = np.zeros((n + 1, n + 1))
-        wide[:n, :n], wide[n, n] = root_x, 1.0 / (np.linalg.norm(reach) or 1.0)
+        wide[:n, :n], wide[n, n] = root_x, 1.0 / (rows.size(column[:, 0]) or 1.0)
         found = nearest(
             extended, np.append(centre, 0.0), wide, solver, terms=terms, along=np.append(np.zeros(n), 1.0)
         )  # fmt: skip
