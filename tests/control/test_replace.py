@@ -271,3 +271,14 @@ def test_of_a_stack_without_a_tick_nothing_is_said(level: Any, tmp_path: Any):
     assert "other" in control.explain()
     control.reset()
     assert control.explain() == "no tick yet"
+
+
+def test_the_log_counts_all_ticks_over_resets_and_other_stacks() -> None:
+    robot = wbc.load("arm")
+    stack = wbc.Stack([Posture(robot.q0)])
+    controller = wbc.Controller(robot, stack, level=wbc.AccelerationLevel(), dt=1e-3)
+    for renew in (controller.reset, lambda: controller.replace(stack), controller.reset):
+        controller.tick(0.0, robot.q0, np.zeros(robot.nv))
+        renew()
+    controller.tick(0.0, np.full(robot.nq, np.nan), np.zeros(robot.nv))
+    assert controller.fallbacks.log[-1].tick == 4

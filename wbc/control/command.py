@@ -59,6 +59,10 @@ class Owner(Protocol):
     answering: RowSolver
 
     @property
+    def is_new(self) -> bool:
+        """Whether there was no tick since the stack was made or replaced, or everything forgotten."""
+
+    @property
     def dt(self) -> float:
         """Time between ticks [s]."""
 
@@ -204,7 +208,7 @@ class Command:
             WbcError: the controller has ticked since, or has another stack; read it before.
         """
         if self._solution is None:
-            if self._owner.serial != self._serial:
+            if self._owner.serial != self._serial or self._owner.is_new:
                 raise WbcError("the controller went on or began anew; read command.solution before the next tick")
             self._solution = self._owner.solution()
         return self._solution

@@ -73,8 +73,7 @@ class Controller(Solving):
     """
 
     __slots__ = (
-        "_acceleration", "_former", "_kept", "_replaced", "_solved", "_started", "components", "fallbacks", "measured",
-        "watch",
+        "_acceleration", "_former", "_kept", "_solved", "_started", "components", "fallbacks", "measured", "watch",
     )  # fmt: skip
 
     #: The plan that the tick before was solved with.
@@ -85,8 +84,6 @@ class Controller(Solving):
     _acceleration: Vec
     _started: bool
     _kept: Sequence[Component]
-    #: ``serial`` when the stack was replaced last.
-    _replaced: int
     #: What the last tick was given.
     measured: Measured
 
@@ -173,8 +170,7 @@ class Controller(Solving):
             self.plan.observe()
         self.components = stack.components
         self._started, self._solved, self.fallbacks.good = False, None, None
-        self.serial += 1
-        self._replaced = self.serial
+        self.renewed = self.serial
         self.use(self.plans.whole)
 
     def __repr__(self) -> str:
@@ -182,9 +178,7 @@ class Controller(Solving):
 
     def reset(self) -> None:
         """Forget everything: contacts are made anew at the next tick, components and bounds start again."""
-        self.ticks = 0
-        self.serial += 1
-        self._replaced = -1
+        self.ticks, self.renewed = 0, self.serial
         self.why = ""
         self.last = None
         self.status = Status.FAILED
@@ -367,13 +361,11 @@ class Controller(Solving):
             InvalidInput: the file cannot be written, or there is no QP: no tick yet with this stack, a tick in an
                 invalid state, or one in which a member failed.
         """
-        is_replaced = self.ticks > 0 and self._replaced == self.serial
-        none = "no tick yet with the stack that replaced the one before" if is_replaced else "no tick yet"
-        is_first = is_replaced or self.ticks == 0
+        none = "no tick yet" + " with the stack that replaced the one before" * (self.ticks > 0)
         if save is not None:
-            if is_first or not self.has_problem:
+            if self.is_new or not self.has_problem:
                 of = "state of the last tick is invalid" if self.status is Status.INVALID_STATE else "last tick failed"
-                why = f"there is {none}" if is_first else f"the {of}: {self.why}"
+                why = f"there is {none}" if self.is_new else f"the {of}: {self.why}"
                 raise InvalidInput(f"there is no problem that could be saved: {why}")
             reproducer(self).save(save)
-        return none if is_first else explain(self)
+        return none if self.is_new else explain(self)

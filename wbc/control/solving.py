@@ -33,7 +33,7 @@ class Solving:
 
     __slots__ = (
         "_dt", "_hierarchy", "_level", "_solver", "_stack", "answering", "last", "mode", "model", "plan", "plans",
-        "serial", "split_forces", "state", "status", "ticks", "unposed", "why",
+        "renewed", "serial", "split_forces", "state", "status", "ticks", "unposed", "why",
     )  # fmt: skip
 
     #: How the last tick ended, why it is not simply solved, and its command.
@@ -44,6 +44,8 @@ class Solving:
     ticks: int
     #: Counts all ticks ever made; ``ticks`` starts again with ``reset``.
     serial: int
+    #: ``serial`` when the stack was replaced last, or everything forgotten.
+    renewed: int
     #: ``serial`` of the last tick without a problem: its state was invalid, or a member failed.
     unposed: int
     #: The solver that was used last: the solution of the tick is in its memory.
@@ -57,7 +59,7 @@ class Solving:
         self.model, self._level, self._dt = robot, level, dt
         self._hierarchy, self._solver = hierarchy, solver
         self.state = self.compile(stack)
-        self.serial, self.unposed = 0, -1
+        self.serial, self.renewed, self.unposed = 0, 0, -1
 
     def compile(self, stack: Stack, prepared: Sequence[Component] = ()) -> RobotState:
         """Make plans and solvers of a stack; where that raises, those before stay. Components ``prepared`` go on.
@@ -148,6 +150,11 @@ class Solving:
         return Command(self, status, fallback_level, proof, moment, None, motion, tau, forces)
 
     # ---- what others read
+    @property
+    def is_new(self) -> bool:
+        """Whether there was no tick since the stack was made or replaced, or everything forgotten."""
+        return self.renewed == self.serial
+
     @property
     def has_problem(self) -> bool:
         """Whether there was one in the last tick; else what is in memory is that of a tick before."""

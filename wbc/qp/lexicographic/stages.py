@@ -134,8 +134,8 @@ class StagedProblem:
         for part in self.stages[-1]:
             if part.kind == "share":
                 column = self._shares[id(part.task)]
-                one, weight = np.zeros(1), self._share[column - self.source.n :][:1]
-                found.append(RowTask(str(part), None, slice(column, column + 1), weight, one, one))
+                zero, weight = np.zeros(1), self._share[column - self.source.n :][:1]
+                found.append(RowTask(str(part), None, slice(column, column + 1), weight, zero, zero))
             elif part.task.rows is None:
                 found.append(part.task)
         return found
