@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import os
+
 import numpy as np
 import pytest
 
 import wbc
 from tasks import JointAccelerationLimits, JointJerkLimits, JointVelocityLimits, Position, Posture, feet
-from wbc import AccelerationLevel, Controller, Stack
-from wbc.errors import InvalidInput
+from wbc import AccelerationLevel, Component, Controller, Stack
+from wbc.errors import InvalidInput, WbcError
 
 ARM, LEGS = wbc.load("arm"), wbc.load("quadruped")
 
@@ -88,6 +90,22 @@ def test_workers_leave_the_controllers_given_as_they_are():
     given = controller()
     wbc.run_many(given, states(6), workers=2)
     assert given.ticks == 0
+
+
+class Dies(Component):
+    """Ends its process, as the system does where memory runs out."""
+
+    here = os.getpid()
+
+    def before(self, state, last, plan):
+        if os.getpid() != self.here:
+            os._exit(1)
+
+
+def test_a_worker_that_dies_is_reported():
+    mortal = Controller(ARM, Stack([Posture(ARM.q0)], components=[Dies()]), level=AccelerationLevel())
+    with pytest.raises(WbcError, match="a worker of run_many died"):
+        wbc.run_many(mortal, states(4), workers=2)
 
 
 @pytest.mark.parametrize(

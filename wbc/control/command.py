@@ -172,7 +172,7 @@ class Command:
         """Velocity (nv,) at the end of the tick: commanded, or v + a dt."""
         if self._v is None:
             owner = self._owner
-            self._v = read_only(np.frombuffer(self._before)[owner.model.nq :] + owner.dt * self.a)
+            self._v = read_only(np.frombuffer(self._before, offset=8 * owner.model.nq) + owner.dt * self.a)
         return self._v
 
     @property

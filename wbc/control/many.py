@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import math
+import mmap
 import multiprocessing
 from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any, final
+from typing import Any, NamedTuple, final
 
 import numpy as np
 
 from wbc import checks
 from wbc.control.controller import Controller
-from wbc.errors import InvalidInput
+from wbc.errors import InvalidInput, WbcError
+from wbc.models.model import RobotModel
 from wbc.types import Status, Vec
 
-_Part = tuple[Vec, Vec, Vec, list[Status], Any]
+_STATUSES = tuple(Status)
 
 # Pieces of work for each worker: enough to even out what takes longer.
 _SHARES = 4
@@ -60,6 +65,7 @@ def run_many(
     Raises:
         InvalidInput: another number of controllers than of states, controllers of robots with other joints, ``workers``
             below 1, ``alone`` neither true nor false, states that ``tick`` refuses.
+        WbcError: a worker died, as where memory runs out.
 
     Example:
         >>> import numpy as np, wbc
@@ -85,40 +91,71 @@ def run_many(
         raise InvalidInput("plans are of robots with other joints; run those of each robot by themselves")
     workers = min(workers, len(states))
     started = perf_counter()
+    work = _Work(controllers, states, alone, _Columns.of(controllers[0].model, len(states)))
     if workers == 1:
-        parts = [_ticks(controllers, states, alone)]
+        _tick(work, slice(None))
     else:
         size = len(states) // (workers * _SHARES) + 1
-        shares = [slice(i, i + size) for i in range(0, len(states), size)]
-        _WORK.append([(controllers[share], states[share], alone) for share in shares])
+        _WORK.append(work)
         try:
-            with multiprocessing.get_context("fork").Pool(workers) as pool:
-                parts = pool.map(_share, range(len(shares)), chunksize=1)
+            with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("fork")) as pool:
+                list(pool.map(_share, [slice(i, i + size) for i in range(0, len(states), size)]))
+        except BrokenProcessPool as cause:
+            raise WbcError(
+                "a worker of run_many died; see its message, or the system's log if memory ran out"
+            ) from cause
         finally:
             _WORK.pop()
-    a, v, tau, status, certified = zip(*parts, strict=True)
-    statuses = tuple(one for part in status for one in part)
-    seconds = perf_counter() - started
-    return Batch(np.vstack(a), np.vstack(v), np.vstack(tau), statuses, np.concatenate(certified), seconds)
+    a, v, tau, codes, certified = work.columns
+    status = tuple(_STATUSES[code] for code in codes.tolist())
+    return Batch(a, v, tau, status, certified, perf_counter() - started)
 
 
-# What forks inherit: controllers hold memory of Pinocchio that cannot be sent.
-_WORK: list[list[tuple[list[Controller], Sequence[tuple[float, Any, Any]], bool]]] = []
+@final
+class _Columns(NamedTuple):
+    """Answers of all states, in memory that forks share: each worker writes its own rows."""
+
+    a: Vec
+    v: Vec
+    tau: Vec
+    status: Any
+    certified: Any
+
+    @classmethod
+    def of(cls, model: RobotModel, n: int) -> _Columns:
+        def shared(kind: type, *shape: int) -> Any:
+            dtype = np.dtype(kind)
+            memory = mmap.mmap(-1, max(1, math.prod(shape) * dtype.itemsize))
+            return np.frombuffer(memory, dtype, math.prod(shape)).reshape(shape)
+
+        nv, nj = model.nv, model.nj
+        motion = shared(float, n, nv), shared(float, n, nv), shared(float, n, nj)
+        return cls(*motion, shared(np.int8, n), shared(np.bool_, n))
 
 
-def _share(index: int) -> _Part:
-    return _ticks(*_WORK[-1][index])
+@final
+class _Work(NamedTuple):
+    """What forks inherit: controllers hold memory of Pinocchio that cannot be sent."""
+
+    controllers: Sequence[Controller]
+    states: Sequence[tuple[float, Any, Any]]
+    alone: bool
+    columns: _Columns
 
 
-def _ticks(controllers: Sequence[Controller], states: Sequence[tuple[float, Any, Any]], alone: bool) -> _Part:
-    n, model = len(states), controllers[0].model
-    a, v, tau = np.empty((n, model.nv)), np.empty((n, model.nv)), np.empty((n, model.nj))
-    status, certified = [], np.zeros(n, dtype=bool)
-    for k, (controller, (t, q, qd)) in enumerate(zip(controllers, states, strict=True)):
-        if alone:
+_WORK: list[_Work] = []
+
+
+def _share(part: slice) -> None:
+    _tick(_WORK[-1], part)
+
+
+def _tick(work: _Work, part: slice) -> None:
+    a, v, tau, status, certified = work.columns
+    for k in range(*part.indices(len(work.states))):
+        controller = work.controllers[k]
+        if work.alone:
             controller.reset()
-        command = controller.tick(t, q, qd)
+        command = controller.tick(*work.states[k])
         a[k], v[k], tau[k] = command.a, command.v, command.tau
-        status.append(command.status)
-        certified[k] = command.certificate.ok
-    return a, v, tau, status, certified
+        status[k], certified[k] = _STATUSES.index(command.status), command.certificate.ok
