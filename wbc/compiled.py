@@ -177,9 +177,14 @@ class _Teller(_events.Listener):  # type: ignore[misc]
 _events.register("numba:compile", _Teller())
 
 
+#: Kernels take in the numbers of the one, and are compiled by the other.
+_MADE_OF = "tolerances.py", "compiled.py"
+
+
 def forget_stale(package: Path) -> None:
-    """Remove kept machine code that is older than the newest file of kernels in the folders ``compiled``."""
-    newest = max((source.stat().st_mtime_ns for source in package.rglob("compiled/*.py")), default=0)
+    """Remove kept machine code that is older than a file of kernels in the folders ``compiled``, or what goes in."""
+    sources = [*package.rglob("compiled/*.py"), *(package / name for name in _MADE_OF)]
+    newest = max((source.stat().st_mtime_ns for source in sources if source.exists()), default=0)
     for index in package.rglob("compiled/__pycache__/*.nbi"):
         try:
             if index.stat().st_mtime_ns < newest:

@@ -42,7 +42,8 @@ def numbers(qp: QP, answer: Solution, tolerance: float) -> tuple[np.ndarray, np.
     rows += [(x[j], np.eye(qp.n)[j], qp.lb[j], qp.ub[j], z_box[j]) for j in range(qp.n)]
     primal, magnitude, loose, gap, spare, sizes = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     r = kept = H @ x + g
-    for value, row, low, high, force in rows:
+    bounded = np.zeros(qp.n)
+    for i, (value, row, low, high, force) in enumerate(rows):
         primal = max(primal, float(value - high), float(low - value))
         magnitude = max(
             magnitude, float(np.abs(row) @ np.abs(x)) + max(abs(s) for s in (low, high, 0.0) if abs(s) < np.inf)
@@ -51,6 +52,8 @@ def numbers(qp: QP, answer: Solution, tolerance: float) -> tuple[np.ndarray, np.
         side = high if force > 0 else low
         if force != 0 and float(abs(value - side)) <= tolerance:
             kept, primal = kept + force * row, max(primal, float(abs(value - side)))
+            if i >= len(rows) - qp.n:
+                bounded[i - len(rows)] = force
         if force != 0 and not np.isfinite(side):
             loose = max(loose, abs(float(force)))
         elif force != 0:
@@ -70,9 +73,24 @@ def numbers(qp: QP, answer: Solution, tolerance: float) -> tuple[np.ndarray, np.
         qp, np.asarray(kept, dtype=float), np.asarray(unit * pull, dtype=float), np.asarray(size, dtype=float)
     )
     slack = unit * magnitude
+    parts = np.stack([qp.g, (kept - H @ x - g - bounded), bounded]).astype(float)
+    steep = slope(qp, np.asarray(kept, dtype=float), parts, np.asarray(unit * pull, dtype=float))
     return np.array([primal - slack, near, residual - more - slack]), np.array(
-        [primal + slack, far, residual + more + slack]
+        [primal + slack, far, max(residual + more + slack, steep)]
     )
+
+
+def slope(qp: QP, r: np.ndarray, parts: np.ndarray, off: np.ndarray) -> float:
+    """The most that can be left of a slope where nothing curves the cost, |r| relative to the largest of ``parts``.
+
+    r is known to ``off``. Where H is singular but for variables that it leaves out, any number at all is allowed.
+    """
+    flat = ~qp.H.any(axis=1)
+    if not np.linalg.matrix_rank(qp.H, hermitian=True) == (~flat).sum():
+        return float(np.inf)
+    largest = np.abs(parts).max(axis=0)
+    sloping = flat & (largest > 0.0)
+    return float(((np.abs(r) + off)[sloping] / largest[sloping]).max(initial=0.0))
 
 
 def distance(qp: QP, r: np.ndarray, off: np.ndarray, size: np.ndarray) -> tuple[float, float]:

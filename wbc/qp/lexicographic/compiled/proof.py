@@ -9,8 +9,9 @@ rows anew, splits into
     Vᵀ (Wᵀ m + Rᵀ λ) = (W V)ᵀ ρ + s ,      ‖W (ỹ − ỹ*)‖ ≤ ‖ρ‖ + ‖r − m‖ + √( Σ |λ| g + ‖s‖ ‖V Vᵀ (ỹ − ỹ*)‖ )
 
 for any optimum ỹ*. A level has no curvature along s; there the distance to the nearest optimum is taken to be no larger
-than the distance of the answer from the centre. The last level has the curvature D: s is measured as it is. Columns
-that the rows above hardly take from the space count as free.
+than the distance of the answer from the centre. With the same, ‖W (ỹ − ỹ*)‖ ≤ ‖W V‖ ‖V Vᵀ (ỹ − ỹ*)‖: rows that the
+space hardly moves are near their optimum. The last level has the curvature D: s is measured as it is. Columns that the
+rows above hardly take from the space count as free.
 """
 
 from __future__ import annotations
@@ -91,14 +92,14 @@ def fit_pushes(at: int) -> None:
 
 @part
 def certify(at: int) -> None:
-    """Of the level solved last: what is beyond its bounds, ‖ρ‖ + ‖r − m‖, ‖s‖, Σ |λ| g, and what is under the root."""
+    """Of the level solved last: what is beyond its bounds, and how far its rows can be off, ‖W (ỹ − ỹ*)‖."""
     w = space(at)
     s = views(w.sizes[CORE])
     n, k, free, rank = w.sizes[N], w.sizes[ROWS], w.sizes[FREE], w.sizes[HELD]
     nu = s.sizes[0]
     d, decided = n - free, w.sizes[DECIDED] - rank
     # the gradient, and what the pushes leave of it
-    off, square, size, pushes, gap = 0.0, 0.0, 0.0, 0.0, 0.0
+    off, square, size, doubtful, pushes, gap = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for c in range(n):
         w.at[c] = (s.value[nu + c] - s.centre[c]) / w.root[c]
         w.step[c] = w.at[c] if w.sizes[LAST] else 0.0
@@ -109,6 +110,9 @@ def certify(at: int) -> None:
         off += (w.weigh[row] * value_of_own(w, s, row) - w.missing[i]) ** 2
         square += w.missing[i] ** 2
         size += dot(w.W[i], w.W[i], d)
+        for j in range(free):
+            if w.doubt[j] != 0.0:
+                doubtful += (w.weigh[row] * dot(w.V[:, j], w.g, n)) ** 2
     fits = True
     for i in range(rank):
         fits = fits and not pulls(w, s, w.item[i])
@@ -135,6 +139,7 @@ def certify(at: int) -> None:
         if w.doubt[j] != 0.0:
             slope += dot(w.V[:, j], w.g, n) ** 2
             far += dot(w.V[:, j], w.at, n) ** 2
+    reach = 1.0 + sqrt(far)
     # what rows of the level take of it
     for c in range(rank + decided):
         reflect(w.z, w.P[c], w.beta[c], c, d)
@@ -152,7 +157,7 @@ def certify(at: int) -> None:
         else:
             left -= dot(w.T[i], w.z[rank:], i)
             share = left / w.T[i, i]
-        if share * share > abs(left) * (1.0 + sqrt(far)):  # hardly any curvature: less is said by none
+        if share * share > abs(left) * reach:  # hardly any curvature: less is said by none
             slope, share = slope + left**2, 0.0
         w.z[rank + i] = share
         rho += share**2
@@ -163,8 +168,9 @@ def certify(at: int) -> None:
     for item in range(w.sizes[ITEMS]):
         place = place_of(s, item)
         primal = max(primal, s.value[place] - s.upper[place], s.lower[place] - s.value[place])
+    slope = max(sqrt(slope) - _ROUNDING * n * (sqrt(size * square) + pushes), 0.0)
     w.proof[0] = primal
-    w.proof[1] = sqrt(off) + sqrt(rho)
-    w.proof[2] = max(sqrt(slope) - _ROUNDING * n * (sqrt(size * square) + pushes), 0.0)
-    w.proof[3] = gap
-    w.proof[4] = gap + w.proof[2] * (1.0 + sqrt(far))
+    if w.sizes[LAST]:
+        w.proof[1] = sqrt((sqrt(off) + sqrt(rho)) ** 2 + slope**2) + sqrt(gap)
+    else:
+        w.proof[1] = sqrt(off) + min(sqrt(rho) + sqrt(gap + slope * reach), sqrt(size + doubtful) * reach)

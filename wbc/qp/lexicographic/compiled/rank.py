@@ -133,9 +133,7 @@ def prove(at: int, k: int) -> None:
     w = space(r.sizes[SPACE])
     s = views(w.sizes[CORE])
     certify(r.sizes[SPACE])
-    rho, slope, gap = w.proof[1], w.proof[2], w.proof[3]
-    off = sqrt(rho * rho + slope * slope) + sqrt(gap) if w.sizes[LAST] else rho + sqrt(w.proof[4])
-    far, square = 0.0, 0.0
+    off, far, square = w.proof[1], 0.0, 0.0
     first = s.sizes[0] + w.sizes[N] + 1
     for row in range(r.level[k, 0], r.level[k, 1]):
         square += (r.root[row] * s.value[first + row]) ** 2

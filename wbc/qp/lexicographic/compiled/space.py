@@ -78,7 +78,7 @@ class Space(NamedTuple):
     whole: Annotated[Vec, "m"]  # lengths of the items there
     R: Annotated[Mat, "m, n"]  # items in z, of which ``span`` says where they are written
     span: Annotated[Vec, "m"]  # their lengths in z, −1 where none is
-    proof: Annotated[Vec, "5"]  # beyond bounds, ‖ρ‖ + ‖r − m‖, ‖s‖, Σ |λ| g, what is under the root
+    proof: Annotated[Vec, "2"]  # what is beyond bounds, and how far the rows of the level can be off
     held: Annotated[Vec, "m"]  # the side that the core found for each item
     which: Annotated[Index, "k"]  # which of y each row behind those in G is about, −1 − c of u where it is c
     toward: Annotated[Vec, "k"]  # where it pulls
