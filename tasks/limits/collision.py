@@ -34,7 +34,7 @@ class CollisionAvoidance(Barrier):
         pairs: names of two links, or of a link and an obstacle, to keep only these apart; None: all pairs.
         self_collision: with ``pairs=None``, whether links are kept apart from each other.
         margin: distance kept [m].
-        count: number of rows; None: 64 plus two for each row in the reference configuration, at most 1024.
+        count: number of rows; None: 64 plus two for each pair in the reference configuration, at most 1024.
         reach: distance from which on a pair has a row [m], more than the margin.
         rate: γ [1/s]; slack: see :class:`~wbc.stack.constraint.Barrier`.
 

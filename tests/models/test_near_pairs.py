@@ -74,13 +74,13 @@ def placed(rng: np.random.Generator, far: float) -> Any:
     return pin.SE3(pin.exp3(rng.normal(size=3) * rng.choice([0.0, 1.0])), far * rng.normal(size=3))
 
 
-def two(first: Any, second: Any, reach: float = 1e3, close: float = -np.inf) -> NearPairs:
+def two(first: Any, second: Any, reach: float = 1e3, close: float = -np.inf, ahead: float = 0.0) -> NearPairs:
     """A pair of shapes in the world."""
     geometry = pin.GeometryModel()
     for name, shape in (("first", first), ("second", second)):
         geometry.addGeometryObject(pin.GeometryObject(name, 0, 0, pin.SE3.Identity(), shape))
     geometry.addCollisionPair(pin.CollisionPair(0, 1))
-    return NearPairs(pin.Model(), geometry, [0], reach=reach, margin=0.0, ahead=0.0, close=close)
+    return NearPairs(pin.Model(), geometry, [0], reach=reach, margin=0.0, ahead=ahead, close=close)
 
 
 def between(near: NearPairs, first: Any, second: Any) -> Vec:

@@ -69,6 +69,35 @@ def test_a_box_above_a_table_has_its_four_corners(seed: int, angle: float, gap: 
             assert np.linalg.norm(lines[:, side] - corner, axis=1).min() < 1e-6
 
 
+@given(SEEDS, st.floats(4.0, 20.0))
+def test_a_corner_that_comes_fast_has_a_line_before_it_is_too_fast(seed: int, speed: float):
+    """A box that turns above a table: if a corner has f + ḟ / γ < 0, a line has no more than that."""
+    rng = np.random.default_rng(seed)
+    size, about, ahead = rng.uniform(0.05, 0.2, 3), rng.normal(size=3) * [1.0, 1.0, 0.0], 1.0 / 15.0
+    poses = [pin.SE3(np.eye(3), np.array([0.0, 0.0, z])) for z in (-0.05, 0.5 * size[2] + rng.uniform(0.01, 0.06))]
+    near = two(coal.Box(1.0, 1.0, 0.1), coal.Box(*size), ahead=ahead, close=0.01)
+    near.data.oMg[0], near.data.oMg[1] = poses
+    turn = speed * about / np.linalg.norm(about)
+    near.own[1] = np.concatenate([np.cross(poses[1].translation, turn), turn])  # about its middle
+    numbers = near.read(np.zeros((6, 0)), np.zeros(0), speeds=True)
+    foreseen = near.line[numbers, 0] + ahead * near.force @ near.own[1]
+    corners = 0.5 * size * np.array(list(product((-1.0, 1.0), repeat=3)))
+    worst = (poses[1].translation + corners + ahead * np.cross(turn, corners))[:, 2].min()
+    assert worst >= 0.0 or foreseen.min() <= worst + 1e-9
+
+
+def test_no_line_depends_on_a_velocity_where_velocities_are_decided():
+    """Rows that follow from the last decision would make the next one flicker."""
+    poses = [pin.SE3(np.eye(3), np.array([0.0, 0.0, z])) for z in (-0.05, 0.09)]
+    near, seen = two(coal.Box(1.0, 1.0, 0.1), coal.Cylinder(0.05, 0.1), ahead=0.1, close=0.05), []
+    for turn in (0.0, 0.3, 10.0):
+        near.own[1] = 0.0, 0.0, 0.0, turn, 0.5 * turn, 0.0
+        seen.append(lines_of(near, *poses))
+    assert len(seen[0]) > 3
+    np.testing.assert_array_equal(seen[1], seen[0])
+    np.testing.assert_array_equal(seen[2], seen[0])
+
+
 @given(SEEDS, st.sampled_from(["box", "hull"]))
 def test_they_foresee_the_distance_after_a_turn(seed: int, kind: str):
     """Faces that meet, turned by less than shapes are turned by: the nearest points alone are wrong by the whole turn,

@@ -24,7 +24,7 @@ from wbc.models.pinocchio_ import PinocchioModel
 from wbc.models.separation import always_apart
 from wbc.types import Index, Mat, Vec
 
-#: Rows that there are by default besides two for each that there is in the reference configuration, and the most.
+#: Rows that there are by default besides two for each pair that has one in the reference configuration, and the most.
 _ROWS, _MOST_ROWS = 64, 1024
 #: By how much, as a share of the reach, a pair must be nearer to take the row of another.
 _NEARER = 0.1
@@ -102,10 +102,11 @@ class Distances:
     rate (count,)          ∂d/∂t of obstacles that move
     drift (count,)         d²d/dt² at a = 0: second difference along q ⊕ s v at t + s; NaN in states without drifts
 
-    A pair nearer than ``close`` [m] has rows also for up to six points of each shape that would be nearest if the
-    shapes were turned against each other by what they turn in ``ahead``, 0.005 rad at least: d is how far these points
-    are apart along the normal of the nearest. In states with drifts it has them also while one of them could be nearer
-    than ``margin`` after ``ahead``. Balls have none.
+    A pair nearer than ``close`` [m] has rows also for up to nine points of each shape that would be nearest if the
+    shapes were turned against each other by 0.005 or 0.1 rad: d is how far these points are apart along the normal of
+    the nearest. In states with drifts they are up to twelve, for a turn by 0.005 rad or what the shapes turn in
+    ``ahead``, 0.1 rad at least, and there are such rows also while one of the points could be nearer than ``margin``
+    after ``ahead``. Balls have none.
 
     A pair keeps its rows from reading to reading: it has the first row that is free when it comes within reach, and
     gives it back only where another needs it. Where there are too few rows, those are kept that would be nearest after
@@ -125,8 +126,8 @@ class Distances:
         pairs: pairs of names of links and obstacles to look at; None: all.
         obstacles: what stands in the world.
         self_collision: with ``pairs=None``, whether links are kept apart from links.
-        count: number of rows, at most as many as there can be; None: 64 and twice as many as there are in the reference
-            configuration, at most 1024.
+        count: number of rows, at most as many as there can be; None: 64 and two for each pair that has one in the
+            reference configuration, at most 1024.
 
     Raises:
         NotSupported: the model has no shapes.
@@ -278,7 +279,7 @@ class Distances:
         pin.updateGeometryPlacements(model, self._kinematics, self._geometry, near.data, np.array(self.model.q0))
         lines = near.read(np.zeros((6, model.nv)), np.zeros(model.nv), speeds=False)
         if count is None:
-            count = min(_ROWS + 2 * len(lines), _MOST_ROWS)
+            count = min(_ROWS + 2 * len(np.unique(lines // self._lines)), _MOST_ROWS)
         self.count = count = min(count, len(self.pairs) * (self._lines if self.close > -np.inf else 1))
         self.which: Index = np.full(count, -1, dtype=np.intp)
         self.distance, self.rate, self.drift = np.full(count, self.reach), np.zeros(count), np.zeros(count)

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 from wbc.compiled import carray, entry, floats, integers, kernel, small_kernel
 from wbc.models.compiled.gjk import Bodies, bodies, distance
-from wbc.models.compiled.turned import TURNS, turned
+from wbc.models.compiled.turned import NEAR, TURNS, turned
 from wbc.types import Index, Mat, Vec
 
 #: Rounding of sums of ways [m].
@@ -150,27 +150,29 @@ def _note(s: Pairs, k: int) -> None:
 def _lines(s: Pairs, b: Bodies, k: int) -> int:
     """How many lines pair k has; those behind the first are found here.
 
-    Points to the side come nearer faster than the nearest, by what the shapes turn. While accelerations are decided, a
-    pair is close as soon as one of them could be that has to slow down.
+    Points to the side come nearer faster than the nearest, by what the shapes turn. While accelerations are decided, so
+    that they turn at what they turn at now, a pair is close as soon as one of them could be that has to slow down.
     """
     first, second, at, spare = s.pair[k, 0], s.pair[k, 1], k * LINES, len(s.pair)
-    if b.round[first] > 0.0 or b.round[second] > 0.0:
+    if s.numbers[3] == -inf or b.round[first] > 0.0 or b.round[second] > 0.0:
         return 1
-    A, B, lines, ahead, close = s.twist[first], s.twist[second], s.line[at : at + LINES], s.numbers[2], s.numbers[3]
-    x, y, z = B[3] - A[3], B[4] - A[4], B[5] - A[5]
-    turning, main = sqrt(x * x + y * y + z * z), lines[0]
+    lines, size, close = s.line[at : at + LINES], 2.0 * min(s.radius[first], s.radius[second]), s.numbers[3]
+    main, turn, turns = lines[0], 0.0, NEAR + NEAR // 2
     if s.sizes[6]:
+        A, B, ahead = s.twist[first], s.twist[second], s.numbers[2]
+        x, y, z = B[3] - A[3], B[4] - A[4], B[5] - A[5]
         about = main[1] * x + main[2] * y + main[3] * z
-        nearing = sqrt(max(turning * turning - about * about, 0.0)) * 2.0 * min(s.radius[first], s.radius[second])
+        turn, turns = ahead * sqrt(max(x * x + y * y + z * z - about * about, 0.0)), TURNS
+        nearing = 0.0
         for i in range(3):
             nearing -= main[1 + i] * (B[i] - A[i])
         nearing -= (main[5] * main[3] - main[6] * main[2]) * x
         nearing -= (main[6] * main[1] - main[4] * main[3]) * y
         nearing -= (main[4] * main[2] - main[5] * main[1]) * z
-        close = max(close, s.numbers[1] + ahead * nearing)
+        close = max(close, s.numbers[1] + ahead * nearing + turn * size)
     if main[0] >= close:
         return 1
-    return turned(b, first, second, lines, s.simplex[k], s.simplex[spare], s.corners[k], ahead * turning)
+    return turned(b, first, second, lines, s.simplex[k], s.simplex[spare], s.corners[k], turn, turns, size)
 
 
 @kernel
@@ -231,6 +233,8 @@ def _again(s: Pairs, b: Bodies) -> int:
     """Measure the first ``sizes[5]`` of ``found`` as the shapes are placed now: the distances to ``least``.
 
     Searches start from the answers of the reading, which stay. What has to be measured otherwise is NaN; how many are.
+    Where the nearest points slide, others become the nearest, and all lines of the pair come nearer by that ``slip``.
+    Where they pass each other, they get further apart than along the normal, which others need not do.
     """
     spare, left, measured, slip = len(s.pair), 0, -1, 0.0
     here, d = s.line[spare * LINES], 0.0
@@ -241,7 +245,7 @@ def _again(s: Pairs, b: Bodies) -> int:
             _copy(s.simplex[k], s.simplex[spare])
             done = distance(b, first, second, here, s.simplex[spare], s.corners[k])
             d, measured = here[0] if done else nan, k
-            slip = d - _along(s, b, first, second, main) if done else 0.0
+            slip = min(d - _along(s, b, first, second, main), 0.0) if done else 0.0
         if own:
             s.least[i] = _along(s, b, first, second, s.line[s.found[i]]) + slip
         else:

@@ -9,24 +9,33 @@ the normal n, through the middle between the nearest points, and what is nearest
 The shapes are apart by d along n, so that f >= margin asks for nothing that d >= margin does not ask for. n turns with
 both shapes by half, at (ω₁ + ω₂) / 2, for which ∂f/∂q is one line of force along n through the middle between a and b.
 
-Points x to the side of the nearest that come into question at φ are further by x φ, and approach by x ω faster. With
-φ what the shapes turn in 1 / γ, ω = γ φ, a barrier of rate γ that holds for the nearest holds for those that are not
-bounded yet.
+Points x to the side of the nearest that come into question at φ are further by x φ, and come nearer by x ω faster.
+
+A barrier of rate γ on them lets the shapes turn by γ dt φ in a tick. Six axes find what is near now, at φ = 5 mrad.
+Others find what holds the turn of the next tick below that, at φ = 0.1 rad for γ dt <= 0.05.
+
+Where velocities are decided, these are three, and no angle depends on a velocity: rows that follow from the last
+decision make the next one flicker. Where accelerations are decided, ω is given. The others are six then, and if
+tan φ = ω / γ is more, they find where f + ḟ / γ is least: what has no row is no faster than its barrier allows.
 """
 
 from __future__ import annotations
 
-from math import cos, pi, sin, sqrt
+from math import atan, cos, pi, sin, sqrt
 
 from wbc.compiled import copy, kernel, small_kernel
 from wbc.models.compiled.gjk import Bodies, search
 from wbc.types import Mat, Vec
 
-#: Axes about which the second shape is turned. Of five, each corner of a rectangle is brought near by one at least.
-TURNS = 6
-#: By how much at least, and at most [rad].
-_LEAST, _MOST = 0.005, 0.3
-#: Shapes that are nearer [m] are lifted to this distance along n before they are turned.
+#: Axes about which the second shape is turned by little, and in all. Of five, each corner of a rectangle is brought
+#: near by one at least.
+NEAR = 6
+TURNS = 2 * NEAR
+#: By how much: little, and much [rad].
+_LITTLE, _MUCH = 0.005, 0.1
+#: Where the first axis of either lies, as a share of the angle between two: none is one of symmetry.
+_FIRST, _OTHER = 0.31, 0.81
+#: Shapes that are nearer [m] are lifted at least to this distance along n before they are turned.
 _APART = 0.01
 #: How sharp the search is, and points that are as near as this to others say the same [m].
 _SHARP, _SAME = 1e-7, 2e-4
@@ -71,26 +80,31 @@ def _is_new(lines: Mat, own: int) -> bool:
 
 
 @kernel
-def turned(s: Bodies, first: int, second: int, lines: Mat, simplex: Mat, start: Mat, corners: int, angle: float) -> int:
+def turned(
+    s: Bodies, first: int, second: int, lines: Mat, simplex: Mat, start: Mat, corners: int,
+    turn: float, turns: int, size: float,
+) -> int:  # fmt: skip
     """Behind its first row, ``lines`` (1 + TURNS, 10) gets what else is near: f, its direction, and the points a and b.
 
     The first row has the distance, the normal and the nearest points, found with ``corners`` rows of ``simplex``;
-    ``start`` is memory. Returns how many rows there are then.
+    ``start`` is memory. The second shape is turned ``turns`` times, by much: by the angle of tangent ``turn`` at least.
+    The smaller of both shapes fits in a ball of diameter ``size``. Returns how many rows there are then.
     """
-    angle = max(_LEAST, min(angle, _MOST))
-    co, si = cos(angle), sin(angle)
-    A, B, line = s.placement[first], s.placement[second], lines[0]
-    lift, count = max(0.0, _APART - line[0]), 1
+    A, B, line, count = s.placement[first], s.placement[second], lines[0], 1
     n0, n1, n2 = line[1], line[2], line[3]
     u0, u1, u2 = _basis(A, n0, n1, n2)
+    w0, w1, w2 = n1 * u2 - n2 * u1, n2 * u0 - n0 * u2, n0 * u1 - n1 * u0
     c0, c1, c2 = 0.5 * (line[4] + line[7]), 0.5 * (line[5] + line[8]), 0.5 * (line[6] + line[9])
     held = s.held
     copy(B, held)
-    for turn in range(TURNS):
-        a, b = cos(2.0 * pi * (turn + 0.31) / TURNS), sin(2.0 * pi * (turn + 0.31) / TURNS)
-        x = a * u0 + b * (n1 * u2 - n2 * u1)
-        y = a * u1 + b * (n2 * u0 - n0 * u2)
-        z = a * u2 + b * (n0 * u1 - n1 * u0)
+    for axis in range(turns):
+        if axis < NEAR:
+            angle, about = _LITTLE, 2.0 * pi * (axis + _FIRST) / NEAR
+        else:
+            angle, about = max(_MUCH, atan(turn)), 2.0 * pi * (axis - NEAR + _OTHER) / (turns - NEAR)
+        a, b, co, si = cos(about), sin(about), cos(angle), sin(angle)
+        x, y, z = a * u0 + b * w0, a * u1 + b * w1, a * u2 + b * w2
+        lift = max(0.0, max(_APART, size * si) - line[0])  # so that they do not touch, however they are turned
         for i in range(0, 9, 3):
             B[i], B[i + 1], B[i + 2] = _turned(x, y, z, held[i], held[i + 1], held[i + 2], co, si)
         p, q, r = _turned(x, y, z, held[9] - c0, held[10] - c1, held[11] - c2, co, si)
