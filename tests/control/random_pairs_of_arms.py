@@ -26,7 +26,9 @@ class Meeting(NamedTuple):
 
     nearest: float  #: the smallest distance [m]
     fastest: float  #: the fastest joint of the last half second [rad/s]
-    shaking: float  #: by how much a joint's velocity changes from tick to tick in that time, the median [rad/s]
+    shaking: (
+        float  #: by how much a joint's velocity changes a tick only to change back within 20 ms, in that time [rad/s]
+    )
     ok: bool  #: whether every tick was answered
 
 
@@ -126,5 +128,8 @@ def meet(
         everything.read(state)
         nearest = min(nearest, float(everything.distance.min()))
     last = np.array(seen[-round(0.5 / DT) :])
-    shaking = float(np.median(np.abs(np.diff(last, axis=0)).max(axis=1)))
+    ticks = round(0.02 / DT)
+    parts = last[: len(last) - (len(last) - 1) % ticks]
+    ways = np.abs(np.diff(parts, axis=0)).reshape(-1, ticks, robot.nv).sum(axis=1)
+    shaking = float((ways - np.abs(np.diff(parts[::ticks], axis=0))).max(axis=1).mean()) / ticks
     return Meeting(nearest, float(np.abs(last).max()), shaking, ok)
