@@ -175,7 +175,7 @@ def _section(done: Sequence[Trial], clearances: Sequence[Clearance], margin: flo
         [(name, made.smallest, made.closest) for name, made in zip(names, clearances, strict=True)],
     )
     text = Text(
-        "The barrier has the distances of coal, measured in the tick; here they are measured again, for every pair of "
-        "shapes of the robot that physics moved."
+        "The limit acts on distances measured in the tick. These are measured again afterwards, for every pair of "
+        "shapes of the robot as physics moved it."
     )
     return Section("Distances", [text, table, distance, costs])
