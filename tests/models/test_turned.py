@@ -40,8 +40,12 @@ def test_they_are_points_of_the_shapes_and_never_nearer(seed: int, kinds: tuple[
     lines = lines_of(near, *poses)
     assert len(lines) <= LINES and (len(lines) == 1 or "ball" not in kinds)
     d = lines[0, 0]
+    # The normal of shapes that are inside one another is known to 0.02 rad (docs/limits.md), the depth to its square.
+    for shape in shapes:
+        shape.computeLocalAABB()
+    accuracy = 1e-6 if d > 0.0 else 0.02**2 * sum(2.0 * shape.aabb_radius for shape in shapes)
     for line in lines[1:]:
-        assert line[0] > d - 1e-6
+        assert line[0] > d - accuracy
         assert np.linalg.norm(line[1:4]) == pytest.approx(1.0, abs=1e-12)
         for shape, pose, point in zip(shapes, poses, (line[4:7], line[7:10]), strict=True):
             assert outside(shape, pose.actInv(point)) < 1e-6
@@ -113,7 +117,8 @@ def test_they_foresee_the_distance_after_a_turn(seed: int, kind: str):
         near = two(*shapes, close=10.0)
         second.translation[2] -= lines_of(near, first, second)[0, 0] - 0.03
         lines = lines_of(near, first, second)
-        turn = pin.SE3(pin.exp3(0.003 * np.array([*rng.normal(size=2), 0.0])), np.zeros(3))
+        about = rng.normal(size=2)
+        turn = pin.SE3(pin.exp3(0.004 * np.array([*about / np.linalg.norm(about), 0.0])), np.zeros(3))
         turned = turn * second
         d = lines_of(two(*shapes), first, turned)[0, 0]
         carried = [float(np.linalg.norm(turned.act(second.actInv(line[7:10])) - line[4:7])) for line in lines]
