@@ -109,6 +109,13 @@ def test_limits_that_leave_no_point_are_infeasible_and_those_that_leave_one_are_
     np.testing.assert_allclose(found(0.0).x, 1.0, rtol=0, atol=1e-9)
 
 
+@pytest.mark.parametrize("solver", usable())
+def test_a_bound_that_equations_put_a_variable_on_leaves_the_others_their_inside(solver: str):
+    """x₁ = 1 with x₁ ≤ 1 allows no x₁ < 1, which methods of the interior begin with; x₂ is free up to 0.5."""
+    qp = QP(np.eye(2), [0.0, -2.0], A=[[1.0, 0.0]], b=[1.0], ub=[1.0, 0.5])
+    np.testing.assert_allclose(_answer(qp, np.array([0.0, 2.0]), np.eye(2), solver).x, [1.0, 0.5], rtol=0, atol=1e-8)
+
+
 def scaled(rows: Any, ub: list[float]) -> QP:
     """rows x = s rows · 1 b: the last unknown is s in [0, 1]."""
     n = len(ub)

@@ -408,6 +408,15 @@ def test_joints_that_tie_are_both_at_their_limits():
     assert task.closed_form().saturated == (0, 1)
 
 
+def test_a_joint_at_rest_is_at_a_limit_of_zero_whatever_rounding_makes_of_the_rest():
+    """Task and drift cancel, so that x is 0, or 1e-16 of what cancels."""
+    for last in (-1, 0, 1):
+        task = NullSpaceSaturation(
+            [[1.0, 1.0]], [3.0], lower=-INF, upper=[2.0, 0.0], drift=[3.0 * (1.0 + last * np.finfo(float).eps)]
+        )
+        assert task.closed_form().saturated == task.solve().saturated == (1,)
+
+
 def test_a_target_out_of_reach_of_the_rows_asks_for_scale_zero():
     task = NullSpaceSaturation([[1.0, 0.0], [1.0, 0.0]], [1.0, 2.0], lower=-1, upper=1)
     for found in (task.closed_form(), task.solve("daqp")):

@@ -138,7 +138,8 @@ def test_last_bits_and_the_order_of_joints_and_rows_change_nothing_but_last_bits
         bits = [1.0 + 4.0 * eps * rng.integers(-1, 2, size=size) for size in ((m, n), m, n)]
         near = changed(step, J=of.J * bits[0], task_velocity=of.task_velocity * bits[1], gradient=of.gradient * bits[2])
         found = step.closed_form()
-        known = max(1e-9, 16.0 * eps * of.condition) * unit(step)  # last bits of J move v_task by this
+        # Last bits move v_task by its rounding, and so the step that takes a joint to its limit.
+        known = 1e-9 * unit(step) + of.rounding / np.abs(step.v_null[[*found.active]]).min(initial=np.inf)
         for other, places in ((turned, joints), (near, np.arange(n))):
             again = other.closed_form()
             assert again.feasible == found.feasible, step
@@ -318,6 +319,25 @@ def test_the_axes_of_the_task_do_not_matter(step: ProjectedGradientStep, data: s
     assume(len(of.J) and np.linalg.cond(of.J) < 1e3)
     turn = data.draw(spd(len(of.J), condition=10.0))
     same(changed(step, J=turn @ of.J, task_velocity=turn @ of.task_velocity), step)
+
+
+def test_rows_of_a_task_in_units_far_apart_cost_no_digits():
+    """In metres or micrometres; a joint that the task puts on its limit is on it."""
+    J, still = np.array([[-1.0, 0.0, 0.0], [-1.0, -1.0, 0.0]]), np.array([1.0, 0.0, 0.0])
+    for unit in 10.0 ** np.arange(-5, 5):
+        rows = np.array([[1e-4], [1e3 * unit]]) * J
+        step = ProjectedGradientStep.from_gradient(rows, rows @ still, [-2.0, 0.0, -1.0], v_min=-1.0, v_max=[1, 0, 1])
+        np.testing.assert_allclose(step.v_task, still, rtol=0, atol=1e-14)
+        for found in (step.closed_form(), step.solve(form="velocity")):
+            np.testing.assert_allclose(found.v, [1.0, 0.0, -1.0], rtol=0, atol=1e-14)
+
+
+def test_a_velocity_that_is_rounding_of_a_task_that_contradicts_itself_is_zero():
+    """v₁ + v₂ + v₃ is to be 0.6 and −0.6: least squares give 0, which is at the limit of joint 2 and not beyond it."""
+    step = ProjectedGradientStep.from_gradient(
+        np.ones((2, 3)), [0.1 + 0.5, -0.5 - 0.1], [3.0, 3.0, 3.0], v_min=[-INF, -INF, -1.0], v_max=[2.0, 0.0, 2.0]
+    )
+    assert step.closed_form().feasible and step.solve().feasible and step.solve(form="velocity").feasible
 
 
 @given(FROM_GRADIENT)

@@ -29,10 +29,11 @@ class Step:
 class Projection:
     """Where v_task and v_null come from: J (m, n), the task velocity ṙ (m,) and the gradient ∇H (n,).
 
-    ``condition`` of J says how sharp they are: v_task is known to rounding times that.
+    ``rounding`` is what last bits of J and ṙ move v_task by: their part of v_task, and of what ṙ asks for in vain over
+    the least singular value, times the condition of J.
     """
 
     J: Mat
     task_velocity: Vec
     gradient: Vec
-    condition: float
+    rounding: float

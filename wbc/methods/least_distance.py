@@ -118,14 +118,21 @@ def nearest(
         size = float(np.linalg.norm(v)) or 1.0
         # A limit that is met to 1e-8 in the metric is met to 1e-7 in x, however far apart weights are.
         finer = np.where(little > NOTHING, np.maximum(1.0, SHARP / NEAR * (size * unit) * length / little), 1.0)
-        reduced = QP(
-            np.eye(len(v)), -(push / size) * (free @ pull), C=F * finer[:, None],
-            cl=finer * (found.lower - start) / size, cu=finer * (found.upper - start) / size,
-        )  # fmt: skip
+        cl, cu = found.lower - start, found.upper - start
+        # Sides with but rounding between them, or of a row that nothing moves, leave interior points no inside.
+        thin = cu - cl <= ROUNDING * (size + np.minimum(np.abs(cl), np.abs(cu)))
+        cl, cu = (finer * np.where(thin, 0.5 * (cl + cu), side) / size for side in (cl, cu))
+        # No row is longer than the answer: limits beyond are none, and methods of the interior lose their way to them.
+        reach = 4.0 * finer * (float(np.linalg.norm(v)) / size)
+        cl, cu = np.where(cl < -reach, -np.inf, cl), np.where(cu > reach, np.inf, cu)
+        asked = F.any(axis=1) & (np.isfinite(cl) | np.isfinite(cu))
+        C = (F * finer[:, None])[asked]
+        reduced = QP(np.eye(len(v)), -(push / size) * (free @ pull), C=C, cl=cl[asked], cu=cu[asked])
         answer = by_name(solver).at(SHARP).open(reduced.shape).solve(reduced)
         if not answer.status.ok:
             raise SolverFailed(by_name(solver).name, answer.status)
-        v, multipliers = size * answer.x, size * finer * answer.z
+        v, multipliers = size * answer.x, np.zeros(len(F))
+        multipliers[asked] = size * finer[asked] * answer.z
     u, pushed = first + v @ free, np.zeros(len(matrix))
     pushed[kept] = multipliers / length
     pushed[equal] = equations.multipliers(push * pull - u - pushed @ rows)

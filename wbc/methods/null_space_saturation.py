@@ -118,14 +118,17 @@ class NullSpaceSaturation(Method):
 
     def closed_form(self) -> Saturation:
         """The largest scale, then the least norm, in finitely many steps."""
-        return self._result(*self._level.answer(None))
+        return self._answer(None)
 
     @property
     def _level(self) -> _Level:
         return _Level((self.J, self.target, self.drift), self.lower, self.upper)
 
-    def _result(self, x: Vec, scale: float) -> Saturation:
-        near = NEAR * _known(self.lower, self.upper) + ROUNDING * np.linalg.norm(x)
+    def _answer(self, solver: str | Solver | None) -> Saturation:
+        level = self._level
+        x, scale = level.answer(solver)
+        # Where drift and task cancel, x is rounding of either: a limit of 0 is then met by what is no number.
+        near = NEAR * _known(self.lower, self.upper) + ROUNDING * max(float(np.linalg.norm(x)), level.size)
         at_limit = (x >= self.upper - near) | (x <= self.lower + near)
         return Saturation(x, scale, tuple(int(i) for i in at_limit.nonzero()[0]), not np.isnan(scale))
 
@@ -155,7 +158,7 @@ class NullSpaceSaturation(Method):
             UnknownSolver, SolverMissing: as :func:`wbc.qp.solve`.
             SolverFailed: the solver ended without an answer.
         """
-        return self._result(*self._level.answer(solver))
+        return self._answer(solver)
 
     def difference(self, result: Saturation, reference: Saturation) -> Mapping[str, float]:
         """Scales by what they change x, residuals, norms at the same scale, relative to |x|; limits to themselves."""

@@ -106,10 +106,15 @@ class ProjectedGradientStep(Method):
         gradient = checks.array("gradient", gradient, (None,))
         J = checks.array("J", J, (None, gradient.size))
         task_velocity = checks.array("task_velocity", task_velocity, (len(J),))
-        found = factors(J)
+        rows = factors(J, of_unit_length=True)
+        # Rows in units far apart cost digits, and only where they cannot all be met do their units matter.
+        found = rows if rows.reaches(task_velocity, np.abs(task_velocity)) else factors(J)
+        v_task = found.inverse(task_velocity)
+        missed = np.linalg.norm(found.unreached(task_velocity)) / found.values.min(initial=np.inf)
+        known = max(ROUNDING, 16.0 * np.finfo(float).eps * found.condition) * float(np.linalg.norm(v_task) + missed)
         return cls(
-            found.inverse(task_velocity), found.projected(gradient), v_min=v_min, v_max=v_max, alpha_max=alpha_max,
-            origin=Projection(J, task_velocity, gradient, found.condition),
+            v_task, rows.projected(gradient), v_min=v_min, v_max=v_max, alpha_max=alpha_max,
+            origin=Projection(J, task_velocity, gradient, known),
         )  # fmt: skip
 
     # ---- what both ways share
@@ -134,10 +139,7 @@ class ProjectedGradientStep(Method):
 
     def _rounding(self) -> float:
         """What last bits of J move v_task by; zero where that is given."""
-        if self.origin is None:
-            return 0.0
-        known = max(ROUNDING, 16.0 * np.finfo(float).eps * self.origin.condition)
-        return known * float(np.linalg.norm(self.v_task))
+        return self.origin.rounding if self.origin else 0.0
 
     def _room(self) -> tuple[Vec, Vec]:
         """From v_task down to v_min and up to v_max (n,); zero where a joint is at its limit."""
