@@ -19,7 +19,7 @@ OTHER = PlanarPR(m1=2.5, m2=0.4, l2=0.7, d2=0.3, I2=0.05)
 #: The state of the exercise: q = (0, π/2), v = (1, −1).
 Q, V = np.array([0.0, np.pi / 2]), np.array([1.0, -1.0])
 Signal = Callable[[float], np.ndarray]
-#: A simulation takes a tenth of a second.
+#: An example is up to six simulations, a fiftieth of a second each.
 few = settings(max_examples=max(5, settings.default.max_examples // 5))
 
 
@@ -58,12 +58,19 @@ def simulate(
     push: np.ndarray | None = None, dt: float = 2e-3, duration: float = 0.3,
 ) -> Motion:  # fmt: skip
     """Runge-Kutta of order four on M a + c + g = τ − τ_f + Jᵀ F, two steps an interval; the command is held in each."""
-    force = np.zeros(2) if push is None else push
+    state = robot.state()  # one for all steps: robot.M(q) and its like make a new one each time
 
     def rate(t: float, x: np.ndarray, tau: np.ndarray) -> np.ndarray:
-        q, v = x[:2], x[2:]
-        delivered = tau - missing(t) + robot.J(q).T @ force
-        return np.concatenate([v, np.linalg.solve(robot.M(q), delivered - robot.c(q, v) - robot.g(q))])
+        state.move(t, x)
+        delivered = tau - missing(t)
+        if push is not None:
+            delivered = delivered + state.frame("end_effector").jacobian()[:2].T @ push
+        return np.concatenate([x[2:], np.linalg.solve(state.M, delivered - state.h)])
+
+    def read(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """p and β."""
+        state.move(0.0, x)
+        return state.M @ state.v, state.g - state.coriolis.T @ state.v
 
     def step(t: float, x: np.ndarray, tau: np.ndarray, h: float) -> np.ndarray:
         k1 = rate(t, x, tau)
@@ -72,14 +79,15 @@ def simulate(
         return x + h / 6 * (k1 + 2 * k2 + 2 * k3 + rate(t + h, x + h * k3, tau))
 
     x, ticks = np.concatenate([q, v]), round(duration / dt)
-    p, middle, end, commands = [robot.momentum(q, v)], [], [], []
+    p, middle, end, commands = [read(x)[0]], [], [], []
     for k in range(ticks):
         tau = command((k + 0.5) * dt)
         half = step(k * dt, x, tau, dt / 2)
         x = step((k + 0.5) * dt, half, tau, dt / 2)
-        p.append(robot.momentum(x[:2], x[2:]))
-        middle.append(robot.beta(half[:2], half[2:]))
-        end.append(robot.beta(x[:2], x[2:]))
+        middle.append(read(half)[1])
+        momentum, beta = read(x)
+        p.append(momentum)
+        end.append(beta)
         commands.append(tau)
     return Motion(dt, np.array(p), np.array(middle), np.array(end), np.array(commands))
 
