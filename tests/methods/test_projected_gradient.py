@@ -60,12 +60,9 @@ def well_conditioned(step: ProjectedGradientStep) -> bool:
 
 # ---- closed form and QP
 @given(ANY)
-def test_closed_form_and_qp_agree_on_every_solver(step: ProjectedGradientStep):
+def test_closed_form_and_both_qps_agree(step: ProjectedGradientStep):
+    """The QP in α on every solver, that in velocity and step on those that end at rounding."""
     check_method(step)
-
-
-@given(ANY)
-def test_the_qp_in_velocity_and_step_gives_the_same_step(step: ProjectedGradientStep):
     expected = step.closed_form()
     for solver in ("pdas", "daqp"):
         found = step.difference(step.solve(solver, form="velocity"), expected)
@@ -163,10 +160,17 @@ def test_the_task_does_not_notice_the_step(step: ProjectedGradientStep, alpha: f
 
 
 @given(ANY)
-def test_the_step_is_feasible_and_any_larger_one_is_not(step: ProjectedGradientStep):
-    """Property 2."""
+def test_the_step_is_feasible_and_ends_at_a_limit_and_any_larger_one_is_not(step: ProjectedGradientStep):
+    """Properties 2 and 4."""
     found = step.closed_form()
-    assume(found.feasible and found.alpha > 0.0)
+    assume(found.feasible and (found.alpha > 0.0 or step._moving.any()))
+    if step._moving.any() and found.alpha < step.alpha_max * (1.0 - 1e-9):
+        assert found.active
+        for i in found.active:
+            limit = step.v_max[i] if step.v_null[i] > 0.0 else step.v_min[i]
+            assert found.v[i] == pytest.approx(limit, abs=1e-6 * step._size[i])
+    if found.alpha == 0.0:
+        return
 
     def outside(alpha: float) -> float:
         v = step.v_task + alpha * step.v_null
@@ -197,23 +201,14 @@ def test_the_step_is_the_optimum_of_the_linear_program(step: ProjectedGradientSt
         assert found.alpha == pytest.approx(u * float(answer.x[0]), abs=1e-9 * u)
 
 
-@given(ANY)
-def test_a_step_that_could_be_larger_ends_at_a_limit(step: ProjectedGradientStep):
-    """Property 4."""
-    found = step.closed_form()
-    assume(found.feasible and step._moving.any() and found.alpha < step.alpha_max * (1.0 - 1e-9))
-    assert found.active
-    for i in found.active:
-        limit = step.v_max[i] if step.v_null[i] > 0.0 else step.v_min[i]
-        assert found.v[i] == pytest.approx(limit, abs=1e-6 * step._size[i])
-
-
-@given(FROM_GRADIENT, st.randoms(use_true_random=False))
-def test_the_order_of_joints_does_not_matter(step: ProjectedGradientStep, random: object):
-    """Property 5."""
+@given(FROM_GRADIENT, st.randoms(use_true_random=False), st.data())
+def test_neither_the_order_of_joints_nor_their_sense_matters(
+    step: ProjectedGradientStep, random: object, data: st.DataObject
+):
+    """Properties 5 and 6."""
     assume(well_conditioned(step) and step.origin is not None)
-    of = step.origin
-    order = np.arange(step.v_task.size)
+    of, n = step.origin, step.v_task.size
+    order = np.arange(n)
     random.shuffle(order)  # type: ignore[attr-defined]
     other = changed(
         step, J=of.J[:, order], gradient=of.gradient[order], v_min=step.v_min[order], v_max=step.v_max[order]
@@ -222,6 +217,9 @@ def test_the_order_of_joints_does_not_matter(step: ProjectedGradientStep, random
     if step.closed_form().feasible:
         scale = np.abs(step.v_task).max() + unit(step) * np.abs(step.v_null).max()
         np.testing.assert_allclose(other.closed_form().v, step.closed_form().v[order], atol=1e-8 * scale)
+    sign = np.array(data.draw(st.lists(st.sampled_from([-1.0, 1.0]), min_size=n, max_size=n)))
+    low, high = np.where(sign > 0, step.v_min, -step.v_max), np.where(sign > 0, step.v_max, -step.v_min)
+    same(changed(step, J=of.J * sign, gradient=of.gradient * sign, v_min=low, v_max=high), step)
 
 
 @pytest.mark.parametrize("condition", [1e0, 1e3, 1e6])
@@ -240,29 +238,12 @@ def test_a_task_velocity_on_a_limit_is_on_it_however_its_joints_are_ordered(cond
         assert step.closed_form().alpha == 0.0 and step.solve().alpha == pytest.approx(0.0, abs=1e-9)
 
 
-@given(FROM_GRADIENT, st.data())
-def test_the_sense_of_a_joint_does_not_matter(step: ProjectedGradientStep, data: st.DataObject):
-    """Property 6."""
-    assume(well_conditioned(step) and step.origin is not None)
-    of = step.origin
-    n = step.v_task.size
-    sign = np.array(data.draw(st.lists(st.sampled_from([-1.0, 1.0]), min_size=n, max_size=n)))
-    low, high = np.where(sign > 0, step.v_min, -step.v_max), np.where(sign > 0, step.v_max, -step.v_min)
-    same(changed(step, J=of.J * sign, gradient=of.gradient * sign, v_min=low, v_max=high), step)
-
-
 @given(FROM_GRADIENT, magnitudes(0.01, 100.0))
-def test_a_longer_gradient_makes_a_shorter_step_to_the_same_velocity(step: ProjectedGradientStep, k: float):
-    """Property 7."""
-    assume(step.origin is not None)
-    same(changed(step, gradient=k * step.origin.gradient, alpha_max=step.alpha_max / k), step, factor=1.0 / k)
-
-
-@given(FROM_GRADIENT, magnitudes(0.01, 100.0))
-def test_speeds_and_limits_times_k_make_the_step_times_k(step: ProjectedGradientStep, k: float):
-    """Property 8."""
+def test_the_step_scales_with_speeds_and_limits_and_against_the_gradient(step: ProjectedGradientStep, k: float):
+    """Properties 7 and 8: a longer gradient makes a shorter step to the same velocity."""
     assume(step.origin is not None)
     of = step.origin
+    same(changed(step, gradient=k * of.gradient, alpha_max=step.alpha_max / k), step, factor=1.0 / k)
     scaled = changed(
         step, task_velocity=k * of.task_velocity, v_min=k * step.v_min, v_max=k * step.v_max,
         alpha_max=k * step.alpha_max,
@@ -270,31 +251,18 @@ def test_speeds_and_limits_times_k_make_the_step_times_k(step: ProjectedGradient
     same(scaled, step, factor=k)
 
 
-@given(FROM_GRADIENT, st.data())
-def test_wider_limits_never_shorten_the_step(step: ProjectedGradientStep, data: st.DataObject):
-    """Property 9, first half."""
+@given(FROM_GRADIENT, magnitudes(), st.data())
+def test_wider_limits_never_shorten_the_step_and_it_is_concave_in_them(
+    step: ProjectedGradientStep, longer: float, data: st.DataObject
+):
+    """Property 9: halfway between two boxes the step is at least the mean of both steps."""
     n = step.v_task.size
     more = [np.array(data.draw(st.lists(magnitudes(), min_size=n, max_size=n))) for _ in range(2)]
-    wider = changed(
-        step, v_min=step.v_min - more[0], v_max=step.v_max + more[1],
-        alpha_max=step.alpha_max + data.draw(magnitudes()),
-    )  # fmt: skip
-    found = step.closed_form()
+    wide, half = (changed(step, v_min=step.v_min - k * more[0], v_max=step.v_max + k * more[1]) for k in (1.0, 0.5))
+    found, wider, middle = (each.closed_form() for each in (step, wide, half))
     if found.feasible:
-        assert wider.closed_form().alpha >= found.alpha - 1e-9 * unit(step)
-
-
-@given(FROM_GRADIENT, st.data())
-def test_the_step_is_concave_in_the_limits(step: ProjectedGradientStep, data: st.DataObject):
-    """Property 9, second half: halfway between two boxes the step is at least the mean of both steps."""
-    n = step.v_task.size
-    more = [np.array(data.draw(st.lists(magnitudes(), min_size=n, max_size=n))) for _ in range(2)]
-    other = changed(step, v_min=step.v_min - more[0], v_max=step.v_max + more[1])
-    middle = changed(step, v_min=step.v_min - 0.5 * more[0], v_max=step.v_max + 0.5 * more[1])
-    results = [each.closed_form() for each in (step, other, middle)]
-    if results[0].feasible:
-        mean = 0.5 * (results[0].alpha + results[1].alpha)
-        assert results[2].alpha >= mean - 1e-9 * (unit(step) + unit(other))
+        assert changed(wide, alpha_max=step.alpha_max + longer).closed_form().alpha >= found.alpha - 1e-9 * unit(step)
+        assert middle.alpha >= 0.5 * (found.alpha + wider.alpha) - 1e-9 * (unit(step) + unit(wide))
 
 
 @given(FROM_GRADIENT, st.data())
