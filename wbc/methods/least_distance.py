@@ -89,9 +89,10 @@ def nearest(
     first, free, length = equations.inverse(right), equations.null, unit_lengths(rows[kept])
     bounded = rows[kept] / length[:, None]
     start, low, high = at[kept] / length + bounded @ first, lower[kept] / length, upper[kept] / length
-    # u is measured by how far it is from the origin at least, up to √n.
+    # u is measured by how far it is from the origin at least, up to √n; squares of all that is must remain numbers.
     outside = max(np.abs(first).max(initial=0.0), (low - start).max(initial=0.0), (start - high).max(initial=0.0))
-    unit = float(outside) if outside > NOTHING else 1.0
+    least = TINY**0.5 * float(np.abs(start).max(initial=0.0))
+    unit = max(float(outside), least) if outside > NOTHING else 1.0
     first, start, low, high = first / unit, start / unit, low / unit, high / unit
     F = bounded @ free.T
     # What the equations decide nothing moves; the free directions are known to rounding times their condition.
