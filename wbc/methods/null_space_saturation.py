@@ -270,8 +270,9 @@ class _Level:
             b=np.append(right, -drift), lb=np.append(lower - low, 0.0), ub=np.append(upper + high, self.full),
         )  # fmt: skip
 
-    def _nearest(self, solver: str | Solver | None) -> Nearest | None:
-        return nearest(self._qp, np.zeros(self._qp.n), np.eye(self._qp.n), solver, along=self._towards)
+    def _nearest(self, solver: str | Solver | None, unit: float = 1.0) -> Nearest | None:
+        root = np.diag(np.where(self._towards > 0.0, unit, 1.0))
+        return nearest(self._qp, np.zeros(self._qp.n), root, solver, along=self._towards)
 
     @property
     def push(self) -> float:
@@ -281,7 +282,10 @@ class _Level:
 
     def answer(self, solver: str | Solver | None) -> tuple[Vec, float]:
         """x and the scale by a solver, or (None) by the finite method; NaN where no scale is feasible."""
-        found = self._nearest(solver)
+        found = self._nearest(None)
+        if found is not None and solver is not None:
+            # A solver knows (x, σ) beside its length: where target and drift cancel in x, σ may not be the longer.
+            found = self._nearest(solver, self.full / max(float(np.linalg.norm(found.x[:-1])), SMALL * self.size))
         if found is None:
             return np.full(len(self.lower), np.nan), np.nan
         scale = found.x[-1] / self.full
