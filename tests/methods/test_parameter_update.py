@@ -12,12 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear, nnls
 
-from tests.methods.problems import drawn
+from tests.methods.problems import check_on_every_solver, drawn
 from wbc.errors import InvalidInput, NoClosedForm
 from wbc.methods import ParameterUpdate
 from wbc.models import Planar4P
 from wbc.qp import solve
-from wbc.testing import check_method
 from wbc.testing.strategies import jacobians, magnitudes, spd
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -82,9 +81,8 @@ def points(update: ParameterUpdate, seed: int) -> np.ndarray:
 
 
 # ---- every solver
-@given(updates())
-def test_closed_form_and_qp_agree_on_every_solver(update: ParameterUpdate):
-    check_method(update)
+def test_closed_form_and_qp_agree_on_every_solver():
+    check_on_every_solver(updates())
 
 
 @given(updates(kinds=("free", "box")), st.sampled_from(["pdas", "daqp"]))
