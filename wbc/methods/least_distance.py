@@ -108,8 +108,8 @@ def nearest(
         return None
     u = unit * (first + found.u @ free)
     x, terms_of_x = centre + root @ u, (np.abs(centre) + np.abs(root) @ np.abs(u)).max()
-    # Limits with a small contradiction in the metric are both violated a little; in x that may be much, beside their own
-    # numbers and those that x is a sum of.
+    # Limits with a small contradiction in the metric are both violated a little; in x that may be much, beside their
+    # own numbers and those that x is a sum of.
     beyond, little = np.maximum(matrix @ x - upper, lower - matrix @ x)[kept], np.linalg.norm(matrix[kept], axis=1)
     little = np.maximum(terms_of_x * little, TINY)
     own = np.abs(np.where(np.isfinite([lower, upper]), [lower, upper], 0.0)).max(axis=0)[kept]
