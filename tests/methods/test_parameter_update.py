@@ -191,6 +191,8 @@ def test_steps_never_leave_the_set(update: ParameterUpdate, dt: float):
     for _ in range(10):
         a_hat = update.step(dt)
         assert (a_hat >= update.lower).all() and (a_hat <= update.upper).all()
+        if np.abs(a_hat).max() > 1e15:  # further than any estimate is accepted
+            return
         update = ParameterUpdate(
             update.Y, update.s, gain=update.gain, a_hat=a_hat, lower=update.lower, upper=update.upper,
             C=update.C, d=update.d,

@@ -284,8 +284,9 @@ class _Level:
         """x and the scale by a solver, or (None) by the finite method; NaN where no scale is feasible."""
         found = self._nearest(None)
         if found is not None and solver is not None:
-            # A solver knows (x, σ) beside its length: where target and drift cancel in x, σ may not be the longer.
-            found = self._nearest(solver, self.full / max(float(np.linalg.norm(found.x[:-1])), SMALL * self.size))
+            # A solver knows (x, σ) beside its length: where target and drift cancel in x, σ may not be longer.
+            length = max(float(np.linalg.norm(found.x[:-1])), SMALL * self.size)
+            found = self._nearest(solver, max(1.0, found.x[-1] / length))
         if found is None:
             return np.full(len(self.lower), np.nan), np.nan
         scale = found.x[-1] / self.full

@@ -31,7 +31,7 @@ from wbc.methods.method import Method
 from wbc.methods.shared import box, metric, root
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
-from wbc.tolerances import SHARP
+from wbc.tolerances import ROUNDING, SHARP
 from wbc.types import Flags, Mat, Vec
 
 #: The most masses of a chain.
@@ -238,10 +238,13 @@ class ParameterUpdate(Method):
             np.eye(p), np.zeros(p), C=self.C, cu=np.maximum(self.d - self.C @ self.a_hat, 0.0),
             lb=np.minimum(self.lower - self.a_hat, 0.0), ub=np.maximum(self.upper - self.a_hat, 0.0),
         )  # fmt: skip
-        outside = np.inf
+        outside, metric_root, way = np.inf, root(self.gain), away
         while outside > 0.1 * self._rounding():  # once; twice where rounding of a long way leaves the set
-            found = nearest(qp, away, root(self.gain), solver)
+            found = nearest(qp, away, metric_root, solver)
             assert found is not None  # zero is a change
+            lengths = np.linalg.norm(np.linalg.solve(metric_root, np.column_stack([found.x, way])), axis=0)
+            if lengths[0] <= ROUNDING * lengths[1]:
+                return self.a_hat.copy()  # held on all sides: what is left of the way is rounding
             away, before = found.x, outside
             over = np.concatenate([(self.C @ away - qp.cu) / rows, (away - qp.ub) / sides, (qp.lb - away) / sides])
             outside = float(over.max(initial=0.0))
