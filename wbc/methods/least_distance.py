@@ -122,7 +122,7 @@ def nearest(
         # A limit that is met to 1e-8 in the metric is met to 1e-7 in x, however far apart weights are.
         finer = np.where(little > NOTHING, np.maximum(1.0, SHARP / NEAR * (size * unit) * length / little), 1.0)
         # What the finite method takes for met by rounding is met, by the solver too.
-        cl, cu = np.minimum(found.lower, found.values) - start, np.maximum(found.upper, found.values) - start
+        cl, cu = np.minimum(found.lower - start, F @ v), np.maximum(found.upper - start, F @ v)
         # Sides with but rounding between them, or of a row that nothing moves, leave interior points no inside.
         thin = cu - cl <= ROUNDING * (size + np.minimum(np.abs(cl), np.abs(cu)))
         cl, cu = (finer * np.where(thin, 0.5 * (cl + cu), side) / size for side in (cl, cu))
