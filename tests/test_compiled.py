@@ -27,6 +27,9 @@ def test_machine_code_is_forgotten_where_a_kernel_that_it_may_have_taken_in_is_n
     after = file_of_age(tmp_path / "qp/compiled/__pycache__/linear.nbi", 10)
     forget_stale(tmp_path)
     assert not before.exists() and after.exists()
+    file_of_age(tmp_path / "tolerances.py", 5)  # numbers that kernels take in
+    forget_stale(tmp_path)
+    assert not after.exists()
     forget_stale(tmp_path / "not there")
 
 

@@ -26,9 +26,7 @@ class Meeting(NamedTuple):
 
     nearest: float  #: the smallest distance [m]
     fastest: float  #: the fastest joint of the last half second [rad/s]
-    shaking: (
-        float  #: by how much a joint's velocity changes a tick only to change back within 20 ms, in that time [rad/s]
-    )
+    shaking: float  #: what a joint's velocity changes in a tick and takes back within 20 ms, in that time [rad/s]
     ok: bool  #: whether every tick was answered
 
 

@@ -144,6 +144,14 @@ def test_rounding_of_hard_pushes_leaves_no_level_at_its_optimum_without_a_certif
             pass  # it asserts that each tick is certified
 
 
+def test_a_level_whose_rows_hardly_move_is_certified_whatever_rounding_makes_of_its_slope(
+    humanoid: PinocchioModel,
+) -> None:
+    """Seed 1123, tick 7: along what the level above hardly takes, a slope of 1e-7 beside a residual of 133."""
+    for _ in _levels_of_a_run(humanoid, 1123, ticks=9, every=9):
+        pass  # it asserts that each tick is certified
+
+
 def test_soles_that_slide_or_tip_hardly_ever_leave_strict_levels_without_an_answer(humanoid: PinocchioModel) -> None:
     """Corners without force are where five rows of friction meet; rounding must not lead in circles."""
     rng, robot, without = generator("soles that slide or tip"), humanoid, 0

@@ -24,11 +24,11 @@ OTHERS = Path(os.environ.get("WBC_QPS", "qps"))
 def numbers(qp: QP, answer: Solution, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
     """Primal residual, a hundredth of the distance and the larger of stationarity and gap: least and largest values.
 
-    Row by row, in long doubles. A row that is met to within the tolerance counts as held where x is, which is a primal
-    residual too; a multiplier on any other row counts as zero in the distance. Between the two lies what rounding of
-    the sums can do, n ε times the magnitudes that are added up (Higham: Accuracy and stability of numerical algorithms,
-    2nd edition, SIAM 2002, section 3.1). Another process adds in another order, so a multiplier that is zero here can
-    be rounding of the pulls there.
+    Row by row, in long doubles. A row that is met to within the tolerance, or beyond its bound, counts as held where x
+    is, which is a primal residual too; a multiplier on any other row counts as zero in the distance. Between the two
+    lies what rounding of the sums can do, n ε times the magnitudes that are added up (Higham: Accuracy and stability of
+    numerical algorithms, 2nd edition, SIAM 2002, section 3.1). Another process adds in another order, so a multiplier
+    that is zero here can be rounding of the pulls there.
     """
     H, g, A, b, C = (np.asarray(part, dtype=np.longdouble) for part in (qp.H, qp.g, qp.A, qp.b, qp.C))
     x, y, z, z_box = (np.asarray(v, dtype=np.longdouble) for v in (answer.x, answer.y, answer.z, answer.z_box))
@@ -50,7 +50,7 @@ def numbers(qp: QP, answer: Solution, tolerance: float) -> tuple[np.ndarray, np.
         )
         r = r + force * row
         side = high if force > 0 else low
-        if force != 0 and float(abs(value - side)) <= tolerance:
+        if force != 0 and float(side - value if force > 0 else value - side) <= tolerance:  # met, or beyond
             kept, primal = kept + force * row, max(primal, float(abs(value - side)))
             if i >= len(rows) - qp.n:
                 bounded[i - len(rows)] = force
