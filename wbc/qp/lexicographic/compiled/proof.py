@@ -109,7 +109,10 @@ def certify(at: int) -> None:
         add(w.weigh[row] * w.missing[i], w.g, n, w.step)
         off += (w.weigh[row] * value_of_own(w, s, row) - w.missing[i]) ** 2
         square += w.missing[i] ** 2
-        size += (w.weigh[row] * in_space(at, w.z)) ** 2
+        length = dot(w.W[row], w.W[row], d)
+        if length == 0.0:  # the search takes for zero what is hardly more than rounding
+            length = (w.weigh[row] * in_space(at, w.z)) ** 2
+        size += length
         for j in range(free):
             if w.doubt[j] != 0.0:
                 doubtful += (w.weigh[row] * dot(w.V[:, j], w.g, n)) ** 2
