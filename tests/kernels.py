@@ -2,8 +2,9 @@
 
 OpenBLAS has its own products for each family of processors, and numba compiles for the one it finds. Both differ in the
 last bits. The folders below run under each family of OpenBLAS that this processor can run, except under the one that it
-picks by itself, which `make test` runs, and once with numba aimed at any x86-64 processor. Arguments are passed on to
-pytest: `-n 2 --dist loadfile` runs two processes at a time.
+picks by itself, which `make test` runs, and once with numba aimed at any x86-64 processor: under the oldest of these
+families, as on a processor that has no more. Arguments are passed on to pytest: `-n 2 --dist loadfile` runs two
+processes at a time.
 
 The exit status is 1 if a run fails, and 0 else.
 """
@@ -79,7 +80,8 @@ class Run:
 def runs(can: Iterable[str], native: set[str]) -> list[Run]:
     """What is left to run where `make test` has run ``native``."""
     others = [Run(f"OpenBLAS {name}", {"OPENBLAS_CORETYPE": name}) for name in can if native != {name}]
-    return [*others, Run("numba for any processor", GENERIC)]
+    oldest, rest = (others[0], others[1:]) if others else (Run("OpenBLAS as it is"), [])
+    return [*rest, Run(f"{oldest.name}, numba for any processor", {**oldest.environment, **GENERIC})]
 
 
 def passed(run: Run, options: Sequence[str]) -> bool:

@@ -24,9 +24,15 @@ def test_flags_of_the_processor_decide_what_it_can_run(flags: list[str], can: li
 
 @pytest.mark.parametrize("native", ["Prescott", "Haswell", "SkylakeX"])
 def test_what_runs_anyway_is_not_run_twice_and_numba_runs_once_for_any_processor(native: str):
-    names = [run.name for run in kernels.runs(["Prescott", "Haswell", "SkylakeX"], {native})]
-    assert f"OpenBLAS {native}" not in names
-    assert len(names) == 3 and names[-1] == "numba for any processor"
+    runs = kernels.runs(["Prescott", "Haswell", "SkylakeX"], {native})
+    families = [run.environment["OPENBLAS_CORETYPE"] for run in runs]
+    assert sorted([*families, native]) == ["Haswell", "Prescott", "SkylakeX"]
+    assert [run for run in runs if "NUMBA_CPU_NAME" in run.environment] == runs[-1:]
+
+
+def test_numba_runs_for_any_processor_also_where_nothing_is_known_of_openblas():
+    (run,) = kernels.runs([], set())
+    assert run.environment == kernels.GENERIC
 
 
 @pytest.mark.parametrize("failing", [None, 0, 1])
