@@ -22,7 +22,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
-FOLDERS = ("tests/methods", "tests/qp", "tests/stack", "tests/control", "tests/models/test_near_pairs.py")
+FOLDERS = (
+    "tests/methods",
+    "tests/qp",
+    "tests/stack",
+    "tests/control",
+    "tests/models/test_near_pairs.py",
+    "tests/models/test_features.py",
+)
 #: Compiles every kernel anew, for minutes; `make test` runs it, and no other processor changes what it looks for.
 ONCE = "tests/qp/rows/test_core.py::test_kernels_run_as_python_and_stay_within_their_memory"
 

@@ -82,9 +82,9 @@ def test_a_corner_that_comes_fast_has_a_line_before_it_is_too_fast(seed: int, sp
     near = two(coal.Box(1.0, 1.0, 0.1), coal.Box(*size), ahead=ahead, close=0.01)
     near.data.oMg[0], near.data.oMg[1] = poses
     turn = speed * about / np.linalg.norm(about)
-    near.own[1] = np.concatenate([np.cross(poses[1].translation, turn), turn])  # about its middle
+    near.own[1, :6] = np.concatenate([np.cross(poses[1].translation, turn), turn])  # about its middle
     numbers = near.read(np.zeros((6, 0)), np.zeros(0), speeds=True)
-    foreseen = near.line[numbers, 0] + ahead * near.force @ near.own[1]
+    foreseen = near.line[numbers, 0] + ahead * near.force @ near.own[1, :6]
     corners = 0.5 * size * np.array(list(product((-1.0, 1.0), repeat=3)))
     worst = (poses[1].translation + corners + ahead * np.cross(turn, corners))[:, 2].min()
     assert worst >= 0.0 or foreseen.min() <= worst + 1e-9
@@ -95,7 +95,7 @@ def test_no_line_depends_on_a_velocity_where_velocities_are_decided():
     poses = [pin.SE3(np.eye(3), np.array([0.0, 0.0, z])) for z in (-0.05, 0.09)]
     near, seen = two(coal.Box(1.0, 1.0, 0.1), coal.Cylinder(0.05, 0.1), ahead=0.1, close=0.05), []
     for turn in (0.0, 0.3, 10.0):
-        near.own[1] = 0.0, 0.0, 0.0, turn, 0.5 * turn, 0.0
+        near.own[1, :6] = 0.0, 0.0, 0.0, turn, 0.5 * turn, 0.0
         seen.append(lines_of(near, *poses))
     assert len(seen[0]) > 3
     np.testing.assert_array_equal(seen[1], seen[0])
@@ -130,23 +130,39 @@ def test_they_foresee_the_distance_after_a_turn(seed: int, kind: str):
 
 @pytest.mark.parametrize("robot", [ARM, HUMANOID], ids=lambda robot: robot.name)
 def test_rows_are_derivatives_along_the_motion(robot: Any):
+    """Of lines to the side; their second ones too, to which is added what the nearest points come nearer by sliding."""
     wall = Obstacle("wall", Box((2.0, 0.1, 2.0)), pin.SE3(np.eye(3), np.array([0.0, 0.5, 0.5])))
-    distances, step, checked = Distances(robot, obstacles=[wall], count=10_000, reach=0.3, close=0.3), 1e-5, 0
+    distances, step, checked = Distances(robot, obstacles=[wall], count=10_000, reach=0.3, close=0.3), 1e-4, 0
     near, state, model = distances._near, robot.state(), robot.pinocchio
-    for moment in moments(robot, count=4, seed=5):
-        state.update(*moment)
+    for _, q, v in moments(robot, count=4, seed=5):
+        state.update(0.0, q, v)
         distances.read(state)
         used = distances.which >= 0
-        numbers = distances._held[used]
+        numbers, here = distances._held[used].tolist(), [pose.copy() for pose in near.data.oMg]
+        d, speed, drift = distances.distance[used], distances.jacobian[used] @ v, distances.drift[used]
 
-        def along(s: float, q: Vec = moment[1], v: Vec = moment[2], numbers: Any = numbers) -> Vec:
-            data = model.createData()
-            pin.updateGeometryPlacements(model, data, distances._geometry, near.beside, pin.integrate(model, q, s * v))
-            return near.again(numbers)
+        def along(s: float, q: Vec = q, v: Vec = v, numbers: Any = numbers, here: Any = here) -> Vec:
+            data, there = model.createData(), distances._geometry.createData()
+            pin.updateGeometryPlacements(model, data, distances._geometry, there, pin.integrate(model, q, s * v))
+            return np.array([carried(near, number, here, there.oMg) for number in numbers])
 
-        others = numbers % LINES > 0
-        speed = (along(step) - along(-step)) / (2.0 * step)
-        np.testing.assert_allclose(speed[others], (distances.jacobian[used] @ moment[2])[others], atol=1e-6)
-        np.testing.assert_allclose(along(0.0)[others], distances.distance[used][others], atol=1e-12)
-        checked += int(others.sum())
+        sides = along(step), along(0.0), along(-step)
+        bends = (sides[0] - 2.0 * sides[1] + sides[2]) / step**2
+        slides = {numbers[i] // LINES: drift[i] - bends[i] for i in range(len(numbers)) if numbers[i] % LINES == 0}
+        for i, number in enumerate(numbers):
+            if number % LINES:
+                assert sides[1][i] == pytest.approx(d[i], abs=1e-12)
+                assert (sides[0] - sides[2])[i] / (2.0 * step) == pytest.approx(speed[i], abs=1e-6)
+                assert bends[i] + min(slides[number // LINES], 0.0) == pytest.approx(drift[i], abs=1e-5)
+                checked += 1
     assert checked > 20
+
+
+def carried(near: NearPairs, number: int, here: Any, there: Any) -> float:
+    """How far the points of a line are apart in its direction, which turns with both shapes by half."""
+    line, normal, points = near.line[number], np.zeros(3), []
+    for shape, i in zip(near.pairs[number // LINES], (4, 7), strict=True):
+        old, new = here[int(shape)], there[int(shape)]
+        points.append(new.act(old.actInv(line[i : i + 3])))
+        normal += new.rotation @ old.rotation.T @ line[1:4]
+    return float((points[1] - points[0]) @ normal / np.linalg.norm(normal))

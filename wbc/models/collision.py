@@ -28,13 +28,8 @@ from wbc.types import Index, Mat, Vec
 _ROWS, _MOST_ROWS = 64, 1024
 #: By how much, as a share of the reach, a pair must be nearer to take the row of another.
 _NEARER = 0.1
-#: Time step of second differences [s].
-_STEP = 1e-4
-# Where the nearest features change, e.g. from one edge to another, a second difference is a jump and no curvature: what
-# is beyond that of shapes of a few centimetres [1/m] counts as none.
-_MOST_CURVATURE = 30.0
-#: Two halves of a second difference that are further apart [m/s²] have a jump in one of them.
-_JUMP = 0.5
+#: Time step of differences of the poses of obstacles [s], and an acceleration beyond which a pose jumps [m/s², rad/s²].
+_STEP, _JUMPS = 1e-4, 1e4
 
 
 @final
@@ -100,7 +95,7 @@ class Distances:
     distance (count,)      d [m], negative inside one another; ``reach`` where there is no pair
     jacobian (count, nv)   ∂d/∂q = nᵀ (J₂ − J₁) at the nearest points, n the unit normal from the first to the second
     rate (count,)          ∂d/∂t of obstacles that move
-    drift (count,)         d²d/dt² at a = 0: second difference along q ⊕ s v at t + s; NaN in states without drifts
+    drift (count,)         d²d/dt² at a = 0; NaN in states without drifts
 
     A pair nearer than ``close`` [m] has rows also for up to nine points of each shape that would be nearest if the
     shapes were turned against each other by 0.005 or 0.1 rad: d is how far these points are apart along the normal of
@@ -303,29 +298,30 @@ class Distances:
         self.which[:], self.distance[:], self.jacobian[:] = -1, self.reach, 0.0
         self.rate[:], self.drift[:], self.missing = 0.0, 0.0 if state.drifts else np.nan, 0
         for shape, (obstacle, _) in self._moving.items():
-            near.own[shape] = _twist(obstacle, state.t)
+            near.own[shape] = _motion(obstacle, state.t)
         lines = near.read(J, state.v, speeds=state.drifts)
         if not len(lines):
             return
         pairs, distances = lines // self._lines, near.line[lines, 0]
-        rows, rates = (near.force @ J) * self._sign[pairs], np.zeros(len(lines))
+        rows, rates, drifts = (near.force @ J) * self._sign[pairs], np.zeros(len(lines)), near.drift
         if self._moving:
-            rates = (near.force * (near.own[self._second[pairs]] - near.own[self._first[pairs]])).sum(axis=1)
+            own = near.own[:, :6]
+            rates = (near.force * (own[self._second[pairs]] - own[self._first[pairs]])).sum(axis=1)
         speeds = rows @ state.v + rates
         if state.drifts:
             felt = distances < np.maximum(self.reach, self.margin - 2.0 * self.ahead * speeds)
             if not felt.all():
                 lines, pairs, distances = lines[felt], pairs[felt], distances[felt]
-                rows, rates, speeds = rows[felt], rates[felt], speeds[felt]
+                rows, rates, speeds, drifts = rows[felt], rates[felt], speeds[felt], drifts[felt]
         at = self._rows_for(lines, distances + self.ahead * speeds)
         if self.missing:
             held = at >= 0
-            at, lines, pairs, distances = at[held], lines[held], pairs[held], distances[held]
-            rows, rates, speeds = rows[held], rates[held], speeds[held]
+            at, pairs, distances = at[held], pairs[held], distances[held]
+            rows, rates, drifts = rows[held], rates[held], drifts[held]
         self.which[at], self.distance[at] = pairs, distances
         self.jacobian[at], self.rate[at] = rows, rates
-        if state.drifts and len(at):
-            self.drift[at] = self._drifts(lines, distances, speeds, state)
+        if state.drifts:
+            self.drift[at] = drifts
 
     def _rows_for(self, lines: Index, soon: Vec) -> Index:
         """The row of each line, −1 where there is none; ``soon`` says how near each will be."""
@@ -355,40 +351,14 @@ class Distances:
         for shape, (obstacle, middle) in self._moving.items():
             data.oMg[shape] = obstacle.at(t) * middle
 
-    def _drifts(self, lines: Index, d: Vec, speed: Vec, state: RobotState) -> Vec:
-        """(d(+s) − 2 d + d(−s)) / s²: exact kinematics and the curvature of the shapes in one."""
-        model, geometry, beside = self.model.pinocchio, self._geometry, self._near.beside
-        there = []
-        for s in (_STEP, -_STEP):
-            q = pin.integrate(model, state.q, s * state.v)
-            pin.updateGeometryPlacements(model, self._kinematics, geometry, beside, q)
-            self._place_obstacles(beside, state.t + s)
-            there.append(self._near.again(lines))
-        # Each side says (d(±s) − d ∓ s ḋ) 2 / s²; the drift is their mean.
-        drift: Vec = (there[0] + there[1] - 2.0 * d) * (1.0 / _STEP**2)
-        half = (there[0] - there[1] - 2.0 * _STEP * speed) * (1.0 / _STEP**2)
-        # Where other features become the nearest on one side, the other knows the curvature; where on both, nobody.
-        jumps = np.abs(half) > 0.5 * _JUMP
-        if jumps.any():
-            smaller = np.where(np.abs(drift + half) < np.abs(drift - half), drift + half, drift - half)
-            drift[jumps] = smaller[jumps]
-        drift[np.abs(drift) > _MOST_CURVATURE * self._speed_squared(state)] = 0.0
-        return drift
 
-    def _speed_squared(self, state: RobotState) -> float:
-        """The largest entry of v, and of a velocity of each moving obstacle, squared."""
-        speed = float(np.abs(state.v).max())
-        for obstacle, _ in self._moving.values():
-            step = obstacle.at(state.t).actInv(obstacle.at(state.t + _STEP))
-            speed = max(speed, float(np.abs(pin.log6(step).vector).max()) / _STEP)
-        return speed**2
-
-
-def _twist(obstacle: Obstacle, t: float) -> Vec:
-    """Velocity of an obstacle (6,): linear at the world's origin, then angular."""
-    step = obstacle.at(t + _STEP) * obstacle.at(t - _STEP).inverse()
-    twist: Vec = pin.log6(step).vector / (2.0 * _STEP)
-    return twist
+def _motion(obstacle: Obstacle, t: float) -> Vec:
+    """Velocity of an obstacle and its derivative (12,), 0 at a jump: linear at the world's origin, then angular."""
+    here = obstacle.at(t)
+    before = pin.log6(here * obstacle.at(t - _STEP).inverse()).vector / _STEP
+    after = pin.log6(obstacle.at(t + _STEP) * here.inverse()).vector / _STEP
+    change = (after - before) / _STEP
+    return np.concatenate([0.5 * (before + after), np.where(np.abs(change).max() < _JUMPS, change, 0.0)])
 
 
 @final

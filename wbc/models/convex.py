@@ -11,26 +11,26 @@ import numpy as np
 
 from wbc.types import Index, Mat, Vec
 
-#: What of the shapes :class:`~wbc.models.compiled.gjk.Bodies` has, from ``is_other`` to ``first``.
+#: What of the shapes :class:`~wbc.models.compiled.gjk.Bodies` has, from ``is_cylinder`` to ``first``.
 Tables = tuple[Index, Mat, Vec, Mat, Index, Index, Index]
 
 
 def tables(shapes: Iterable[Any]) -> tuple[Tables, Vec]:
     """Of shapes of coal, as :func:`wbc.models.coal_.coal_shape` makes them; and of each the radius of a ball about its
     middle that holds it."""
-    is_other, sizes, rounds, corners, first, radii = [], [], [], [], [], []
+    is_cylinder, sizes, rounds, corners, first, radii = [], [], [], [], [], []
     neighbours: list[list[int]] = []
     for shape in shapes:
         points, beside = _corners(shape)
         first.append(len(neighbours))
         neighbours += [[first[-1] + i for i in near] for near in beside]
-        is_other.append(isinstance(shape, coal.Cylinder))
-        sizes.append((shape.radius, shape.halfLength) if is_other[-1] else (0.0, 0.0))
+        is_cylinder.append(isinstance(shape, coal.Cylinder))
+        sizes.append((shape.radius, shape.halfLength) if is_cylinder[-1] else (0.0, 0.0))
         rounds.append(shape.radius if isinstance(shape, coal.Sphere) else 0.0)
         corners.append(points)
         radii.append(np.hypot(*sizes[-1]) + rounds[-1] + np.linalg.norm(points, axis=1).max())
     return (
-        np.array(is_other, dtype=np.int64), np.array(sizes), np.array(rounds), np.vstack(corners),
+        np.array(is_cylinder, dtype=np.int64), np.array(sizes), np.array(rounds), np.vstack(corners),
         np.cumsum([0, *map(len, neighbours)], dtype=np.int64),
         np.array([i for near in neighbours for i in near], dtype=np.int64), np.array(first, dtype=np.int64),
     ), np.array(radii)  # fmt: skip

@@ -23,17 +23,17 @@ from wbc.types import Index, Mat, Vec
 
 #: Steps at most; hulls need ten.
 _STEPS = 128
-#: ε at which the search ends, and with which an answer still counts where rounding ends it [m].
-_SHARP, _ENOUGH = 1e-13, 1e-10
+#: ε with which an answer still counts where rounding ends the search [m].
+_ENOUGH = 1e-10
 #: Cores that are nearer [m] are left to a method that knows depths.
-_TOUCHING = 1e-7
+TOUCHING = 1e-7
 
 
 class Bodies(NamedTuple):
-    """n convex shapes: corners of hulls (a box has 8, a ball one with a radius). Others are left to coal."""
+    """n convex shapes: corners of hulls (a box has 8, a ball one with a radius), and cylinders."""
 
     placement: Mat  # (n, 12): columns of the rotation, then the position in the world
-    is_other: Index  # (n): 1 for a cylinder, whose normals a search in steps finds to half the digits of its distance
+    is_cylinder: Index  # (n)
     size: Mat  # (n, 2): radius and half the length of a cylinder
     round: Vec  # (n): radius that makes a core round
     corners: Mat  # (c, 3), one shape behind the other, each about its middle
@@ -41,16 +41,19 @@ class Bodies(NamedTuple):
     neighbours: Index
     first: Index  # (n): corner to climb from
     W: Mat  # (4, 3): corners of the simplex
-    P: Mat  # (4, 8): their points in both shapes, each in its own axes, and which corners of hulls these are
+    P: Mat  # (4, 8): their points in both shapes, each in its own axes, and which corners of hulls these are, or for a
+    # cylinder 1, where the answer moves along the curve of its side or edge
     share: Vec  # (4)
     before: Vec  # (4)
     held: Vec  # (12): the placement of a body while it is turned
+    along: Mat  # (3, 4, 3): of features, see :mod:`wbc.models.compiled.features`
+    hessian: Mat  # (4, 6)
 
 
 @small_kernel
 def bodies(at: int) -> Bodies:
     """The arrays whose addresses are at ``at``, in the order of :class:`Bodies`, behind their numbers."""
-    m = carray(integers(at), 14)
+    m = carray(integers(at), 16)
     s = carray(integers(m[0]), 3)
     n, c = s[0], s[1]
     return Bodies(
@@ -58,6 +61,7 @@ def bodies(at: int) -> Bodies:
         carray(floats(m[5]), (c, 3)), carray(integers(m[6]), c + 1), carray(integers(m[7]), s[2]),
         carray(integers(m[8]), n), carray(floats(m[9]), (4, 3)), carray(floats(m[10]), (4, 8)),
         carray(floats(m[11]), 4), carray(floats(m[12]), 4), carray(floats(m[13]), 12),
+        carray(floats(m[14]), (3, 4, 3)), carray(floats(m[15]), (4, 6)),
     )  # fmt: skip
 
 
@@ -66,7 +70,7 @@ def _support(s: Bodies, shape: int, side: int, x: float, y: float, z: float, at:
     """The point of a shape furthest along (x, y, z), in its own axes, to ``P[at]``: first three entries or last."""
     R, P, o = s.placement[shape], s.P[at], 3 * side
     a, b, c = R[0] * x + R[1] * y + R[2] * z, R[3] * x + R[4] * y + R[5] * z, R[6] * x + R[7] * y + R[8] * z
-    if s.is_other[shape]:
+    if s.is_cylinder[shape]:
         across = sqrt(a * a + b * b)
         outer = s.size[shape, 0] / across if across > 0.0 else 0.0
         P[o], P[o + 1], P[o + 2] = outer * a, outer * b, s.size[shape, 1] if c > 0.0 else -s.size[shape, 1]
@@ -87,7 +91,7 @@ def _support(s: Bodies, shape: int, side: int, x: float, y: float, z: float, at:
 
 
 @small_kernel
-def _join(s: Bodies, first: int, second: int, at: int) -> None:
+def join(s: Bodies, first: int, second: int, at: int) -> None:
     """The points P of both shapes, in their own axes, become corner w of the simplex, in the world's."""
     A, B = s.placement[first], s.placement[second]
     for i in range(3):
@@ -99,16 +103,16 @@ def _join(s: Bodies, first: int, second: int, at: int) -> None:
 
 
 @small_kernel
-def _extend(s: Bodies, first: int, second: int, x: float, y: float, z: float, at: int) -> None:
+def extend(s: Bodies, first: int, second: int, x: float, y: float, z: float, at: int) -> None:
     """The furthest point of the first shape along −(x, y, z), and of the second along (x, y, z), join the simplex."""
     for side in range(2):
         sign = 1.0 if side else -1.0
         _support(s, second if side else first, side, sign * x, sign * y, sign * z, at)
-    _join(s, first, second, at)
+    join(s, first, second, at)
 
 
 @small_kernel
-def _nearest(s: Bodies, k: int) -> bool:
+def nearest(s: Bodies, k: int) -> bool:
     """The shares of the k corners in their point nearest to the origin. False: the origin is inside."""
     share = s.share
     for i in range(4):
@@ -141,7 +145,7 @@ def _kept(s: Bodies, k: int) -> int:
 
 
 @small_kernel
-def _point(s: Bodies, k: int) -> tuple[float, float, float]:
+def point(s: Bodies, k: int) -> tuple[float, float, float]:
     """The simplex' point."""
     x = y = z = 0.0
     for c in range(k):
@@ -161,14 +165,14 @@ def search(s: Bodies, first: int, second: int, line: Vec, simplex: Mat, k: int, 
     for at in range(k):
         for i in range(8):
             s.P[at, i] = simplex[at, i]
-        _join(s, first, second, at)
+        join(s, first, second, at)
     if k == 0:
         A, B = s.placement[first], s.placement[second]
-        _extend(s, first, second, A[9] - B[9], A[10] - B[10], A[11] - B[11], k)
+        extend(s, first, second, A[9] - B[9], A[10] - B[10], A[11] - B[11], k)
         k = 1
     k = _searched(s, first, second, k, sharp)
     if k:
-        _answer(s, first, second, line, k)
+        answer(s, first, second, line, k)
         for at in range(k):
             for i in range(8):
                 simplex[at, i] = s.P[at, i]
@@ -176,33 +180,25 @@ def search(s: Bodies, first: int, second: int, line: Vec, simplex: Mat, k: int, 
 
 
 @small_kernel
-def distance(s: Bodies, first: int, second: int, line: Vec, simplex: Mat, k: int) -> int:
-    """The sharpest that :func:`search` finds, where it also finds the normal as sharply."""
-    if s.is_other[first] or s.is_other[second]:
-        return 0
-    return search(s, first, second, line, simplex, k, _SHARP)
-
-
-@small_kernel
 def _searched(s: Bodies, first: int, second: int, k: int, sharp: float) -> int:
     """Grow the simplex of k corners until it has the nearest point; how many it has then, or 0 without a proof."""
-    if not _nearest(s, k):
+    if not nearest(s, k):
         return 0
     k = _kept(s, k)
-    x, y, z = _point(s, k)
+    x, y, z = point(s, k)
     d = sqrt(x * x + y * y + z * z)
     for _ in range(_STEPS):
-        if not d > _TOUCHING:
+        if not d > TOUCHING:
             return 0
-        _extend(s, first, second, x, y, z, k)
+        extend(s, first, second, x, y, z, k)
         within = d - (x * s.W[k, 0] + y * s.W[k, 1] + z * s.W[k, 2]) / d
         if within <= sharp:
             return k
         for at in range(k):
             s.before[at] = s.share[at]
-        if not _nearest(s, k + 1):
+        if not nearest(s, k + 1):
             return 0
-        u, v, w = _point(s, k + 1)
+        u, v, w = point(s, k + 1)
         nearer = sqrt(u * u + v * v + w * w)
         if not nearer < d:  # where rounding lets the next simplex be no nearer, this one is the answer
             for at in range(k):
@@ -213,9 +209,9 @@ def _searched(s: Bodies, first: int, second: int, k: int, sharp: float) -> int:
 
 
 @small_kernel
-def _answer(s: Bodies, first: int, second: int, line: Vec, k: int) -> None:
+def answer(s: Bodies, first: int, second: int, line: Vec, k: int) -> None:
     """Distance, normal and nearest points of a simplex that has them."""
-    x, y, z = _point(s, k)
+    x, y, z = point(s, k)
     d = sqrt(x * x + y * y + z * z)
     line[0] = d - s.round[first] - s.round[second]
     line[1], line[2], line[3] = -x / d, -y / d, -z / d

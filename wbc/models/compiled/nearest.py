@@ -8,15 +8,25 @@ unit vector by 2 sin φ/2 at most, which is ‖ΔR‖, the Frobenius norm of ΔR
 
 Of a pair there is one line, through the nearest points, and where it is close others through points that are near too;
 see :mod:`wbc.models.compiled.turned`. Line j of pair k has the number k ``LINES`` + j.
+
+A link moves with its parent and by the velocities of its joint, which keep their directions in its own axes, so that
+with the twist V = [v, ω] of each about the world's origin
+
+    V_i = V_parent + J_i v_i,    V̇_i = V̇_parent + V_parent × V_i    at a = 0
+
+f̈ of a line is what its points have as parts of the links (:func:`~wbc.models.compiled.features.carried`). The nearest
+points slide, which adds d̈ − f̈ to their line; where other points become the nearest all lines come nearer, so that less
+than nothing is added to all.
 """
 
 from __future__ import annotations
 
-from math import inf, isnan, nan, sqrt
+from math import inf, sqrt
 from typing import NamedTuple
 
 from wbc.compiled import carray, entry, floats, integers, kernel, small_kernel
-from wbc.models.compiled.gjk import Bodies, bodies, distance
+from wbc.models.compiled.features import bending, carried, distance
+from wbc.models.compiled.gjk import Bodies, bodies
 from wbc.models.compiled.turned import NEAR, TURNS, turned
 from wbc.types import Index, Mat, Vec
 
@@ -29,7 +39,9 @@ BESIDE = 0.5
 LINES = 1 + TURNS
 
 #: What ``sizes[4]`` says before a measurement.
-BEGIN, AGAIN = -1, -2
+BEGIN = -1
+#: Curvature [1/m] that counts: that of shapes of a few centimetres. What is beyond is over in a tick.
+_MOST_CURVATURE = 30.0
 
 
 class Pairs(NamedTuple):
@@ -39,39 +51,52 @@ class Pairs(NamedTuple):
     links: Index  # (m): pair of links
     measured: Vec  # (m): d' + way'
     felt: Vec  # (m): distance up to which a pair is looked for
-    least: Vec  # (m LINES): no distance is smaller than this
+    least: Vec  # (m): no distance is smaller than this
     order: Index  # (m): pairs that may be near, the nearest first
     distance: Vec  # (m): of this reading, or inf
     nearest: Vec  # (pairs of links): the smallest of these of two links
-    line: Mat  # (m LINES + 1, 10): distance, normal, nearest points; the last row is for :func:`again`
-    simplex: Mat  # (m + 1, 4, 8): the last row too
+    line: Mat  # (m LINES, 10): distance, normal, nearest points
+    simplex: Mat  # (m + 1, 4, 8): the last row is memory
     corners: Index  # (m): of the simplex
     start: Mat  # (m, 4, 8): what every search begins with, from the first reading
     starts: Index  # (m): how many; −1 before the first
     found: Index  # (m LINES)
     force: Mat  # (m LINES, 6): lines of force of what was found
+    drift: Vec  # (m LINES): second derivatives of what was found at a = 0
     way: Vec  # (n)
     last: Mat  # (n, 12): placements of the reading before
     radius: Vec  # (n): of a ball about the middle of a shape that holds it
-    twist: Mat  # (n, 6): linear about the world's origin, angular
+    twist: Mat  # (n, 6): of shapes, linear about the world's origin, angular
+    bias: Mat  # (n, 6): their derivatives at a = 0
+    own: Mat  # (n, 12): twist and derivative of shapes that are no robot's
+    carrier: Index  # (n): the joint that moves a shape; 0: none
+    parent: Index  # (joints): of each joint, 0 for the world
+    begin: Index  # (joints + 1): where each joint's velocities begin
+    columns: Mat  # (nv, 6): twist of what moves with a velocity of 1
+    v: Vec  # (nv)
+    joints: Mat  # (joints, 12): twists and derivatives
     numbers: Vec  # reach, margin, ahead, the distance up to which a pair is close
-    sizes: Index  # n, m, pairs of links | candidates, done, found, whether speeds count
+    sizes: Index  # n, m, pairs of links | candidates, done, found, whether speeds count | joints, nv
 
 
 @small_kernel
 def pairs(at: int) -> Pairs:
     """The arrays whose addresses are at ``at``, in the order of :class:`Pairs`, behind those of the bodies."""
-    a = carray(integers(at), 22)
-    s = carray(integers(a[21]), 7)
-    n, m, n_links = s[0], s[1], s[2]
+    a = carray(integers(at), 31)
+    s = carray(integers(a[30]), 9)
+    n, m, n_links, joints, nv = s[0], s[1], s[2], s[7], s[8]
     return Pairs(
         carray(integers(a[1]), (m, 2)), carray(integers(a[2]), m), carray(floats(a[3]), m), carray(floats(a[4]), m),
-        carray(floats(a[5]), m * LINES), carray(integers(a[6]), m), carray(floats(a[7]), m),
-        carray(floats(a[8]), n_links), carray(floats(a[9]), (m * LINES + 1, 10)),
+        carray(floats(a[5]), m), carray(integers(a[6]), m), carray(floats(a[7]), m),
+        carray(floats(a[8]), n_links), carray(floats(a[9]), (m * LINES, 10)),
         carray(floats(a[10]), (m + 1, 4, 8)), carray(integers(a[11]), m),
         carray(floats(a[12]), (m, 4, 8)), carray(integers(a[13]), m), carray(integers(a[14]), m * LINES),
-        carray(floats(a[15]), (m * LINES, 6)), carray(floats(a[16]), n), carray(floats(a[17]), (n, 12)),
-        carray(floats(a[18]), n), carray(floats(a[19]), (n, 6)), carray(floats(a[20]), 4), s,
+        carray(floats(a[15]), (m * LINES, 6)), carray(floats(a[16]), m * LINES),
+        carray(floats(a[17]), n), carray(floats(a[18]), (n, 12)), carray(floats(a[19]), n),
+        carray(floats(a[20]), (n, 6)), carray(floats(a[21]), (n, 6)), carray(floats(a[22]), (n, 12)),
+        carray(integers(a[23]), n), carray(integers(a[24]), joints), carray(integers(a[25]), joints + 1),
+        carray(floats(a[26]), (nv, 6)), carray(floats(a[27]), nv), carray(floats(a[28]), (joints, 12)),
+        carray(floats(a[29]), 4), s,
     )  # fmt: skip
 
 
@@ -98,6 +123,28 @@ def _move(s: Pairs, b: Bodies) -> None:
 
 
 @kernel
+def _swing(s: Pairs) -> None:
+    """Twists of all shapes, and their derivatives at a = 0."""
+    for j in range(1, len(s.parent)):
+        own, P = s.joints[j], s.joints[s.parent[j]]
+        for i in range(6):
+            own[i], own[6 + i] = P[i], P[6 + i]
+        for k in range(s.begin[j], s.begin[j + 1]):
+            for i in range(6):
+                own[i] += s.columns[k, i] * s.v[k]
+        own[6] += P[4] * own[2] - P[5] * own[1] + P[1] * own[5] - P[2] * own[4]
+        own[7] += P[5] * own[0] - P[3] * own[2] + P[2] * own[3] - P[0] * own[5]
+        own[8] += P[3] * own[1] - P[4] * own[0] + P[0] * own[4] - P[1] * own[3]
+        own[9] += P[4] * own[5] - P[5] * own[4]
+        own[10] += P[5] * own[3] - P[3] * own[5]
+        own[11] += P[3] * own[4] - P[4] * own[3]
+    for k in range(len(s.carrier)):
+        J = s.joints[s.carrier[k]]
+        for i in range(6):
+            s.twist[k, i], s.bias[k, i] = J[i] + s.own[k, i], J[6 + i] + s.own[k, 6 + i]
+
+
+@kernel
 def _feel(s: Pairs, b: Bodies) -> None:
     """The distance up to which each pair is looked for: the reach, or what its fastest approach takes to stop."""
     reach, margin, ahead = s.numbers[0], s.numbers[1], s.numbers[2]
@@ -119,6 +166,7 @@ def _feel(s: Pairs, b: Bodies) -> None:
 def _start(s: Pairs, b: Bodies) -> None:
     """The pairs that may be near, in order."""
     _move(s, b)
+    _swing(s)
     _feel(s, b)
     for i in range(len(s.nearest)):
         s.nearest[i] = inf
@@ -176,9 +224,47 @@ def _lines(s: Pairs, b: Bodies, k: int) -> int:
 
 
 @kernel
+def _fastest(s: Pairs, b: Bodies) -> float:
+    """The largest velocity of a joint, or of an obstacle about its middle [rad/s, m/s]."""
+    most = 0.0
+    for i in range(len(s.v)):
+        most = max(most, abs(s.v[i]))
+    for k in range(len(s.own)):
+        V, at = s.own[k], b.placement[k]
+        for i in range(3):
+            most = max(most, abs(V[3 + i]))
+        most = max(most, abs(V[0] + V[4] * at[11] - V[5] * at[10]))
+        most = max(most, abs(V[1] + V[5] * at[9] - V[3] * at[11]))
+        most = max(most, abs(V[2] + V[3] * at[10] - V[4] * at[9]))
+    return most
+
+
+@kernel
+def _bend(s: Pairs, b: Bodies, k: int, most: float, count: int) -> None:
+    """The drifts of the lines of pair k, which end before the line that is found next: number ``count``."""
+    first, second, slides = s.pair[k, 0], s.pair[k, 1], 0.0
+    A, B, bias_A, bias_B = s.twist[first], s.twist[second], s.bias[first], s.bias[second]
+    at = count - 1
+    while at > 0 and s.found[at - 1] // LINES == k:
+        at -= 1
+    for i in range(at, count):
+        s.drift[i] = carried(s.line[s.found[i]], A, bias_A, B, bias_B)
+    if s.corners[k]:
+        bent = bending(b, first, second, s.simplex[k], s.corners[k], s.twist, s.bias)
+        if abs(bent) <= most:  # and no NaN
+            slides = bent - s.drift[at]
+    s.drift[at] += slides
+    for i in range(at + 1, count):
+        s.drift[i] += min(slides, 0.0)
+    for i in range(at, count):
+        if not abs(s.drift[i]) <= most:
+            s.drift[i] = 0.0
+
+
+@kernel
 def _collect(s: Pairs, b: Bodies) -> None:
     """The lines of what is near enough, by number, with their forces."""
-    beside, count = BESIDE * s.numbers[0], 0
+    beside, count, most = BESIDE * s.numbers[0], 0, _MOST_CURVATURE * _fastest(s, b) ** 2
     for k in range(len(s.pair)):
         if s.distance[k] < inf and s.distance[k] <= s.nearest[s.links[k]] + beside:
             for i in range(k * LINES, k * LINES + _lines(s, b, k)):
@@ -192,78 +278,19 @@ def _collect(s: Pairs, b: Bodies) -> None:
                 )
                 s.found[count] = i
                 count += 1
+            if s.sizes[6]:
+                _bend(s, b, k, most, count)
     s.sizes[5] = count
-
-
-@small_kernel
-def _carried(old: Vec, new: Vec, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Where a point is that moves with a placement."""
-    x, y, z = x - old[9], y - old[10], z - old[11]
-    a = old[0] * x + old[1] * y + old[2] * z
-    b = old[3] * x + old[4] * y + old[5] * z
-    c = old[6] * x + old[7] * y + old[8] * z
-    return (
-        new[0] * a + new[3] * b + new[6] * c + new[9],
-        new[1] * a + new[4] * b + new[7] * c + new[10],
-        new[2] * a + new[5] * b + new[8] * c + new[11],
-    )
-
-
-@small_kernel
-def _turned_with(old: Vec, new: Vec, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """A direction that turns with a placement."""
-    p, q, r = _carried(old, new, x + old[9], y + old[10], z + old[11])
-    return p - new[9], q - new[10], r - new[11]
-
-
-@small_kernel
-def _along(s: Pairs, b: Bodies, first: int, second: int, line: Vec) -> float:
-    """How far the points of a line are apart in its direction, which turns with both shapes by half, as placed now."""
-    old, new, last, here = s.last[first], b.placement[first], s.last[second], b.placement[second]
-    x, y, z = _carried(old, new, line[4], line[5], line[6])
-    u, v, w = _carried(last, here, line[7], line[8], line[9])
-    a0, a1, a2 = _turned_with(old, new, line[1], line[2], line[3])
-    b0, b1, b2 = _turned_with(last, here, line[1], line[2], line[3])
-    a0, a1, a2 = a0 + b0, a1 + b1, a2 + b2
-    return ((u - x) * a0 + (v - y) * a1 + (w - z) * a2) / sqrt(a0 * a0 + a1 * a1 + a2 * a2)
-
-
-@kernel
-def _again(s: Pairs, b: Bodies) -> int:
-    """Measure the first ``sizes[5]`` of ``found`` as the shapes are placed now: the distances to ``least``.
-
-    Searches start from the answers of the reading, which stay. What has to be measured otherwise is NaN; how many are.
-    Where the nearest points slide, others become the nearest, and all lines of the pair come nearer by that ``slip``.
-    Where they pass each other, they get further apart than along the normal, which others need not do.
-    """
-    spare, left, measured, slip = len(s.pair), 0, -1, 0.0
-    here, d = s.line[spare * LINES], 0.0
-    for i in range(s.sizes[5]):
-        k, own = s.found[i] // LINES, s.found[i] % LINES
-        first, second, main = s.pair[k, 0], s.pair[k, 1], s.line[k * LINES]
-        if measured != k:
-            _copy(s.simplex[k], s.simplex[spare])
-            done = distance(b, first, second, here, s.simplex[spare], s.corners[k])
-            d, measured = here[0] if done else nan, k
-            slip = min(d - _along(s, b, first, second, main), 0.0) if done else 0.0
-        if own:
-            s.least[i] = _along(s, b, first, second, s.line[s.found[i]]) + slip
-        else:
-            s.least[i] = d
-            left += isnan(d)
-    return left
 
 
 @entry
 def measure(at: int) -> int:
     """Measure, the nearest first. A pair that has to be measured otherwise is handed out; −1 at the end.
 
-    ``sizes[4]`` says what is done: ``BEGIN``, a reading begins; ``AGAIN``, what was found is measured again, see
-    :func:`_again`; or how many candidates are, the last of which was handed out and has its ``line`` now.
+    ``sizes[4]`` says what is done: ``BEGIN``, a reading begins; or how many candidates are, the last of which was
+    handed out and has its ``line`` now.
     """
     s, b = pairs(at), bodies(carray(integers(at), 1)[0])
-    if s.sizes[4] == AGAIN:
-        return _again(s, b)
     if s.sizes[4] == BEGIN:
         _start(s, b)
     else:
