@@ -245,8 +245,10 @@ class Distances:
 
     def _prepare(self) -> None:
         """Everything of a constant size."""
+        # Compiled; only who avoids collisions waits for it.
         from wbc.models.compiled.nearest import LINES
-        from wbc.models.near_pairs import NearPairs  # compiled; only who avoids collisions waits for it
+        from wbc.models.compiled.pair_rows import PairRows
+        from wbc.models.near_pairs import NearPairs
 
         model, geometry = self.model, self._geometry
         chosen = [(pair.first, pair.second) for pair in geometry.collisionPairs]
@@ -259,14 +261,10 @@ class Distances:
             model.pinocchio, geometry, [number[names] for names in self.pairs],
             reach=self.reach, margin=self.margin, ahead=self.ahead, close=self.close,
         )  # fmt: skip
-        # ∂d/∂q = wᵀ J with w = (n, p × n), one line of force through both witness points, J the columns about the
-        # world's origin: those that move the second shape count +, those that move the first −.
-        self._first, self._second = self._near.pairs.T
-        self._sign = self._near.moved[self._second] - self._near.moved[self._first]
         start = geometry.ngeoms - len(self._obstacles)
         moving = zip(range(start, geometry.ngeoms), self._obstacles, self._to_shape, strict=True)
         self._moving = {shape: (obstacle, middle) for shape, obstacle, middle in moving if obstacle.moves}
-        self._lines = LINES
+        self._lines, self._rows_of = LINES, PairRows
 
     def _number_rows(self, count: int | None) -> None:
         """Memory for so many rows."""
@@ -282,6 +280,7 @@ class Distances:
         self.missing = 0
         #: The pair that had each row last, and the row that each pair had last; −1 where there is none.
         self._held, self._row_of = self.which.copy(), np.full(len(self.pairs) * self._lines, -1, dtype=np.intp)
+        near.write_to(self._rows_of(self._row_of, self.which, self.distance, self.jacobian, self.rate, self.drift))
 
     def reset(self) -> None:
         """Make all rows free."""
@@ -295,39 +294,17 @@ class Distances:
         near = self._near
         pin.updateGeometryPlacements(self.model.pinocchio, state.data, self._geometry, near.data)
         self._place_obstacles(near.data, state.t)
-        self.which[:], self.distance[:], self.jacobian[:] = -1, self.reach, 0.0
-        self.rate[:], self.drift[:], self.missing = 0.0, 0.0 if state.drifts else np.nan, 0
         for shape, (obstacle, _) in self._moving.items():
             near.own[shape] = _motion(obstacle, state.t)
         lines = near.read(J, state.v, speeds=state.drifts)
-        if not len(lines):
-            return
-        pairs, distances = lines // self._lines, near.line[lines, 0]
-        rows, rates, drifts = (near.force @ J) * self._sign[pairs], np.zeros(len(lines)), near.drift
-        if self._moving:
-            own = near.own[:, :6]
-            rates = (near.force * (own[self._second[pairs]] - own[self._first[pairs]])).sum(axis=1)
-        speeds = rows @ state.v + rates
-        if state.drifts:
-            felt = distances < np.maximum(self.reach, self.margin - 2.0 * self.ahead * speeds)
-            if not felt.all():
-                lines, pairs, distances = lines[felt], pairs[felt], distances[felt]
-                rows, rates, speeds, drifts = rows[felt], rates[felt], speeds[felt], drifts[felt]
-        at = self._rows_for(lines, distances + self.ahead * speeds)
-        if self.missing:
-            held = at >= 0
-            at, pairs, distances = at[held], pairs[held], distances[held]
-            rows, rates, drifts = rows[held], rates[held], drifts[held]
-        self.which[at], self.distance[at] = pairs, distances
-        self.jacobian[at], self.rate[at] = rows, rates
-        if state.drifts:
-            self.drift[at] = drifts
+        self.missing = 0
+        if (self._row_of[lines] < 0).any():
+            self._give_rows(lines, near.soon)
+        near.write()
 
-    def _rows_for(self, lines: Index, soon: Vec) -> Index:
-        """The row of each line, −1 where there is none; ``soon`` says how near each will be."""
+    def _give_rows(self, lines: Index, soon: Vec) -> None:
+        """Give rows to lines that have none; ``soon`` says how near each will be."""
         held, at = self._held, self._row_of[lines]
-        if (at >= 0).all():
-            return at
         taken = set(at.tolist())
         free = [row for row in range(self.count) if row not in taken]
         free.sort(key=lambda row: held[row] >= 0)  # rows that nobody has had come first
@@ -345,7 +322,6 @@ class Distances:
                 self._row_of[held[row]] = -1
             at[i], held[row], self._row_of[lines[i]] = row, lines[i], row
         self.missing = len(np.unique(lines[at < 0] // self._lines))
-        return at
 
     def _place_obstacles(self, data: Any, t: float) -> None:
         for shape, (obstacle, middle) in self._moving.items():

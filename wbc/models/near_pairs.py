@@ -10,6 +10,7 @@ import numpy as np
 from wbc.compiled import Memory
 from wbc.models.coal_ import Answers, memory_of, placements
 from wbc.models.compiled.nearest import BEGIN, LINES, measure
+from wbc.models.compiled.pair_rows import PairRows, write
 from wbc.models.convex import tables
 from wbc.types import Index, Mat, Vec
 
@@ -44,23 +45,24 @@ class NearPairs:
         #: (m,): of each pair its distance when it was measured last, and the ways of its shapes until then.
         self.measured = np.full(m, -np.inf)
         self._found = np.zeros(m * LINES, dtype=np.int64)
-        self._force, self._drift = np.zeros((m * LINES, 6)), np.zeros(m * LINES)
+        self._force, self._drift, self._soon = np.zeros((m * LINES, 6)), np.zeros(m * LINES), np.zeros(m * LINES)
         #: Twists of shapes that are no robot's, and their derivatives (n, 12), about the world's origin.
         self.own = np.zeros((n, 12))
         self._sizes = np.array([n, m, n_links, 0, 0, 0, 0, joints, model.nv], dtype=np.int64)
-        #: The shapes of each pair (m, 2), and 1 for each velocity that moves a shape (n, nv).
+        #: The shapes of each pair (m, 2).
         self.pairs = np.array([(pair.first, pair.second) for pair in geometry.collisionPairs], dtype=np.int64)
         carrier = [shape.parentJoint for shape in geometry.geometryObjects]
-        self.moved = np.array([_moved_by(model, joint) for joint in carrier])
         begin = np.array([0, *list(model.idx_vs)[1:], model.nv], dtype=np.int64)
         self._columns, self._v = np.zeros((model.nv, 6)), np.zeros(model.nv)
         self._memory = Memory(
             self._bodies.addresses, self.pairs, np.array(links, dtype=np.int64), self.measured, np.zeros(m),
             np.zeros(m), np.zeros(m, dtype=np.int64), np.zeros(m), np.zeros(n_links), self.line,
             np.zeros((m + 1, 4, 8)), np.zeros(m, dtype=np.int64), np.zeros((m, 4, 8)), np.full(m, -1, dtype=np.int64),
-            self._found, self._force, self._drift, np.zeros(n), np.zeros((n, 12)), radius, np.zeros((n, 6)),
-            np.zeros((n, 6)), self.own, np.array(carrier, dtype=np.int64), np.array(model.parents, dtype=np.int64),
-            begin, self._columns, self._v, np.zeros((joints, 12)), np.array([reach, margin, ahead, close]), self._sizes,
+            self._found, self._force, self._drift, self._soon, np.zeros(n), np.zeros((n, 12)), radius,
+            np.zeros((n, 6)), np.zeros((n, 6)), self.own, np.array(carrier, dtype=np.int64),
+            np.array(model.parents, dtype=np.int64), begin, self._columns, self._v, np.zeros((joints, 12)),
+            np.array([_moved_by(model, joint) for joint in carrier]), np.array([reach, margin, ahead, close]),
+            self._sizes,
         )  # fmt: skip
 
     def read(self, J: Mat, v: Vec, *, speeds: bool) -> Index:
@@ -78,9 +80,22 @@ class NearPairs:
         return self._force[: self._sizes[5]]
 
     @property
+    def soon(self) -> Vec:
+        """How near what was found will be (found,) [m] after ``ahead``, at the velocity of now."""
+        return self._soon[: self._sizes[5]]
+
+    @property
     def drift(self) -> Vec:
         """The second derivatives (found,) of what was found at a = 0, where speeds count."""
         return self._drift[: self._sizes[5]]
+
+    def write_to(self, rows: PairRows) -> None:
+        """Where :meth:`write` writes."""
+        self._rows = Memory(np.array([len(rows.row), *rows.jacobian.shape], dtype=np.int64), *rows)
+
+    def write(self) -> None:
+        """Write what was found to the rows."""
+        write(self._memory.address, self._rows.address)
 
 
 def _moved_by(model: Any, joint: int) -> Vec:

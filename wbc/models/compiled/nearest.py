@@ -63,6 +63,7 @@ class Pairs(NamedTuple):
     found: Index  # (m LINES)
     force: Mat  # (m LINES, 6): lines of force of what was found
     drift: Vec  # (m LINES): second derivatives of what was found at a = 0
+    soon: Vec  # (m LINES): how near what was found will be after ``ahead``
     way: Vec  # (n)
     last: Mat  # (n, 12): placements of the reading before
     radius: Vec  # (n): of a ball about the middle of a shape that holds it
@@ -75,6 +76,7 @@ class Pairs(NamedTuple):
     columns: Mat  # (nv, 6): twist of what moves with a velocity of 1
     v: Vec  # (nv)
     joints: Mat  # (joints, 12): twists and derivatives
+    moved: Mat  # (n, nv): 1 for each velocity that moves a shape
     numbers: Vec  # reach, margin, ahead, the distance up to which a pair is close
     sizes: Index  # n, m, pairs of links | candidates, done, found, whether speeds count | joints, nv
 
@@ -82,8 +84,8 @@ class Pairs(NamedTuple):
 @small_kernel
 def pairs(at: int) -> Pairs:
     """The arrays whose addresses are at ``at``, in the order of :class:`Pairs`, behind those of the bodies."""
-    a = carray(integers(at), 31)
-    s = carray(integers(a[30]), 9)
+    a = carray(integers(at), 33)
+    s = carray(integers(a[32]), 9)
     n, m, n_links, joints, nv = s[0], s[1], s[2], s[7], s[8]
     return Pairs(
         carray(integers(a[1]), (m, 2)), carray(integers(a[2]), m), carray(floats(a[3]), m), carray(floats(a[4]), m),
@@ -91,12 +93,12 @@ def pairs(at: int) -> Pairs:
         carray(floats(a[8]), n_links), carray(floats(a[9]), (m * LINES, 10)),
         carray(floats(a[10]), (m + 1, 4, 8)), carray(integers(a[11]), m),
         carray(floats(a[12]), (m, 4, 8)), carray(integers(a[13]), m), carray(integers(a[14]), m * LINES),
-        carray(floats(a[15]), (m * LINES, 6)), carray(floats(a[16]), m * LINES),
-        carray(floats(a[17]), n), carray(floats(a[18]), (n, 12)), carray(floats(a[19]), n),
-        carray(floats(a[20]), (n, 6)), carray(floats(a[21]), (n, 6)), carray(floats(a[22]), (n, 12)),
-        carray(integers(a[23]), n), carray(integers(a[24]), joints), carray(integers(a[25]), joints + 1),
-        carray(floats(a[26]), (nv, 6)), carray(floats(a[27]), nv), carray(floats(a[28]), (joints, 12)),
-        carray(floats(a[29]), 4), s,
+        carray(floats(a[15]), (m * LINES, 6)), carray(floats(a[16]), m * LINES), carray(floats(a[17]), m * LINES),
+        carray(floats(a[18]), n), carray(floats(a[19]), (n, 12)), carray(floats(a[20]), n),
+        carray(floats(a[21]), (n, 6)), carray(floats(a[22]), (n, 6)), carray(floats(a[23]), (n, 12)),
+        carray(integers(a[24]), n), carray(integers(a[25]), joints), carray(integers(a[26]), joints + 1),
+        carray(floats(a[27]), (nv, 6)), carray(floats(a[28]), nv), carray(floats(a[29]), (joints, 12)),
+        carray(floats(a[30]), (n, nv)), carray(floats(a[31]), 4), s,
     )  # fmt: skip
 
 
@@ -240,46 +242,58 @@ def _fastest(s: Pairs, b: Bodies) -> float:
 
 
 @kernel
-def _bend(s: Pairs, b: Bodies, k: int, most: float, count: int) -> None:
-    """The drifts of the lines of pair k, which end before the line that is found next: number ``count``."""
+def _bend(s: Pairs, b: Bodies, k: int, most: float, begin: int, end: int) -> None:
+    """The drifts of what was found from ``begin`` to ``end``: all lines of pair k."""
     first, second, slides = s.pair[k, 0], s.pair[k, 1], 0.0
     A, B, bias_A, bias_B = s.twist[first], s.twist[second], s.bias[first], s.bias[second]
-    at = count - 1
-    while at > 0 and s.found[at - 1] // LINES == k:
-        at -= 1
-    for i in range(at, count):
+    for i in range(begin, end):
         s.drift[i] = carried(s.line[s.found[i]], A, bias_A, B, bias_B)
     if s.corners[k]:
         bent = bending(b, first, second, s.simplex[k], s.corners[k], s.twist, s.bias)
         if abs(bent) <= most:  # and no NaN
-            slides = bent - s.drift[at]
-    s.drift[at] += slides
-    for i in range(at + 1, count):
+            slides = bent - s.drift[begin]
+    s.drift[begin] += slides
+    for i in range(begin + 1, end):
         s.drift[i] += min(slides, 0.0)
-    for i in range(at, count):
+    for i in range(begin, end):
         if not abs(s.drift[i]) <= most:
             s.drift[i] = 0.0
 
 
 @kernel
+def _pull(s: Pairs, k: int, begin: int, end: int) -> int:
+    """The lines of force from ``begin`` to ``end``, of pair k, and how near each will be.
+
+    With speeds what can stop in time is left out. Returns where the others end.
+    """
+    reach, margin, ahead = s.numbers[0], s.numbers[1], s.numbers[2]
+    A, B, kept = s.twist[s.pair[k, 0]], s.twist[s.pair[k, 1]], begin
+    for i in range(begin, end):
+        line, force, speed = s.line[s.found[i]], s.force[kept], 0.0
+        x, y, z = 0.5 * (line[4] + line[7]), 0.5 * (line[5] + line[8]), 0.5 * (line[6] + line[9])
+        force[0], force[1], force[2] = line[1], line[2], line[3]
+        force[3], force[4] = y * line[3] - z * line[2], z * line[1] - x * line[3]
+        force[5] = x * line[2] - y * line[1]
+        for c in range(6):
+            speed += force[c] * (B[c] - A[c])
+        if not s.sizes[6] or line[0] < max(reach, margin - 2.0 * ahead * speed):
+            s.found[kept], s.drift[kept], s.soon[kept] = s.found[i], s.drift[i], line[0] + ahead * speed
+            kept += 1
+    return kept
+
+
+@kernel
 def _collect(s: Pairs, b: Bodies) -> None:
-    """The lines of what is near enough, by number, with their forces."""
+    """The lines of what is near enough, by number."""
     beside, count, most = BESIDE * s.numbers[0], 0, _MOST_CURVATURE * _fastest(s, b) ** 2
     for k in range(len(s.pair)):
         if s.distance[k] < inf and s.distance[k] <= s.nearest[s.links[k]] + beside:
-            for i in range(k * LINES, k * LINES + _lines(s, b, k)):
-                line, force = s.line[i], s.force[count]
-                force[0], force[1], force[2] = line[1], line[2], line[3]
-                x, y, z = 0.5 * (line[4] + line[7]), 0.5 * (line[5] + line[8]), 0.5 * (line[6] + line[9])
-                force[3], force[4], force[5] = (
-                    y * line[3] - z * line[2],
-                    z * line[1] - x * line[3],
-                    x * line[2] - y * line[1],
-                )
-                s.found[count] = i
-                count += 1
+            end = count + _lines(s, b, k)
+            for i in range(count, end):
+                s.found[i] = k * LINES + i - count
             if s.sizes[6]:
-                _bend(s, b, k, most, count)
+                _bend(s, b, k, most, count, end)
+            count = _pull(s, k, count, end)
     s.sizes[5] = count
 
 
