@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from itertools import product
 from typing import Any
 
@@ -124,6 +126,32 @@ def test_inside_one_another_coal_is_asked(seed: int, kinds: tuple[str, str]):
     result = near.data.distanceResults[0]
     assert line[0] < 0.0
     assert line[0] == result.min_distance
+
+
+@settings(max_examples=5)
+@given(SEEDS)
+def test_faces_that_are_parallel_but_for_rounding_have_a_proof_too(seed: int):
+    """But for one in a hundred, which coal is asked for."""
+    rng, asked = np.random.default_rng(seed), list[int]()
+    for _ in range(60):
+        sizes = rng.uniform(0.02, 0.2, (2, 3))
+        if rng.random() < 0.4:
+            sizes[1] = sizes[0]
+        near = two(*(coal.Box(*size) for size in sizes))
+        near._here.of = partial(noted, asked, near._here.of)  # type: ignore[method-assign]
+        axis, base = rng.integers(3), pin.exp3(rng.normal(size=3))
+        for _ in range(10):  # the first begins the searches of the others
+            up = np.where(np.arange(3) == axis, 0.5 * sizes.sum(axis=0) + 0.03, rng.choice([0.0, 1e-9, 1e-3], size=3))
+            tilt = pin.SE3(pin.exp3(10.0 ** rng.uniform(-17.0, -3.0) * rng.normal(size=3)), up)
+            first = pin.SE3(base, 0.3 * rng.normal(size=3))
+            near.data.oMg[0], near.data.oMg[1] = first, first * tilt
+            found(near)
+    assert len(asked) <= 6
+
+
+def noted(asked: list[int], ask: Callable[[int], float], pair: int) -> float:
+    asked.append(pair)
+    return ask(pair)
 
 
 @given(SEEDS, st.sampled_from(["box", "hull", "stone"]))

@@ -200,10 +200,10 @@ def _searched(s: Bodies, first: int, second: int, k: int, sharp: float) -> int:
             return 0
         u, v, w = point(s, k + 1)
         nearer = sqrt(u * u + v * v + w * w)
-        if not nearer < d:  # where rounding lets the next simplex be no nearer, this one is the answer
+        if not nearer < d and within <= _ENOUGH:  # as near as rounding allows
             for at in range(k):
                 s.share[at] = s.before[at]
-            return k if within <= _ENOUGH else 0
+            return k
         k, x, y, z, d = _kept(s, k + 1), u, v, w, nearer
     return 0
 
