@@ -229,6 +229,34 @@ def test_an_obstacle_that_moves_changes_distances_by_itself():
     assert drift == pytest.approx((d[2] - 2 * d[1] + d[0]) / 1e-6, abs=1e-2)
 
 
+@pytest.mark.parametrize("when", [0.0, 0.1, 0.5])
+def test_the_acceleration_of_an_obstacle_counts_from_rest_on(when: float):
+    distances = Distances(
+        ARM, obstacles=[Obstacle("ball", Sphere(0.05), lambda t: at(0.8 - 2.5 * min(t, 0.2) ** 2, 0.0, 0.42))],
+        self_collision=False, count=1, reach=2.0,
+    )  # fmt: skip
+    state, d = ARM.state(), []
+    for s in (-1e-3, 1e-3, 0.0):
+        state.update(when + s, ARM.q0, np.zeros(ARM.nv))
+        distances.read(state)
+        d.append(float(distances.distance[0]))
+    assert distances.drift[0] == pytest.approx((d[0] - 2 * d[2] + d[1]) / 1e-6, abs=1e-2)
+    assert abs(distances.drift[0]) > (4.0 if when < 0.2 else -1.0)
+
+
+@pytest.mark.parametrize("t", [0.3, 0.3 - 5e-5, 0.3 + 5e-5])
+def test_an_obstacle_that_jumps_moves_as_before_or_after(t: float):
+    distances = Distances(
+        ARM, obstacles=[Obstacle("ball", Sphere(0.05), lambda t: at(0.9 if t < 0.3 else 0.6 + 0.1 * t, 0.0, 0.42))],
+        self_collision=False, count=1, reach=2.0,
+    )  # fmt: skip
+    state = ARM.state()
+    state.update(t, ARM.q0, np.zeros(ARM.nv))
+    distances.read(state)
+    assert abs(distances.rate[0]) <= 0.1
+    assert abs(distances.drift[0]) < 1.0
+
+
 @pytest.mark.parametrize("link", ["forearm", "flange"])
 def test_through_contact_the_normal_does_not_turn(link: str):
     """A wall pushed into a link: from outside to inside the distance falls evenly, along one normal."""

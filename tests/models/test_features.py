@@ -99,6 +99,16 @@ def test_what_slides_along_a_face_comes_no_nearer(seed: int, kind: str, aside: f
     assert near.drift[0] == pytest.approx(0.0, abs=1e-5)
 
 
+@pytest.mark.parametrize("turn", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (1.0, 0.3, 0.0)])
+def test_a_face_that_turns_below_a_ball_is_a_face_also_on_its_diagonal(turn: tuple[float, float, float]):
+    """d = cos φ h − 0.2 − 0.1 with the middle of the ball h = 0.8 above that of the box."""
+    motions = np.zeros((2, 12))
+    motions[0, 3:6] = turn
+    poses = [pin.SE3.Identity(), pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.8]))]
+    near = moving([coal.Box(1.0, 0.6, 0.4), coal.Sphere(0.1)], poses, motions)
+    assert near.drift[0] == pytest.approx(-0.8 * np.dot(turn, turn), abs=1e-12)
+
+
 @given(SEEDS, st.sampled_from([kinds for kinds in product(KINDS, KINDS) if "cylinder" in kinds]))
 def test_cylinders_that_are_apart_need_no_coal(seed: int, kinds: tuple[str, str]):
     """And have normals as sharp as distances: the points are d apart along it."""

@@ -29,7 +29,7 @@ _ROWS, _MOST_ROWS = 64, 1024
 #: By how much, as a share of the reach, a pair must be nearer to take the row of another.
 _NEARER = 0.1
 #: Time step of differences of the poses of obstacles [s], and an acceleration beyond which a pose jumps [m/s², rad/s²].
-_STEP, _JUMPS = 1e-4, 1e4
+_STEP, _JUMPS = 1e-4, 1e2
 
 
 @final
@@ -329,12 +329,23 @@ class Distances:
 
 
 def _motion(obstacle: Obstacle, t: float) -> Vec:
-    """Velocity of an obstacle and its derivative (12,), 0 at a jump: linear at the world's origin, then angular."""
+    """Velocity of an obstacle and its derivative (12,): linear at the world's origin, then angular.
+
+    At a jump, of the pose or of its velocity, these are the smaller velocity of before and after, and 0.
+    """
     here = obstacle.at(t)
     before = pin.log6(here * obstacle.at(t - _STEP).inverse()).vector / _STEP
     after = pin.log6(obstacle.at(t + _STEP) * here.inverse()).vector / _STEP
     change = (after - before) / _STEP
-    return np.concatenate([0.5 * (before + after), np.where(np.abs(change).max() < _JUMPS, change, 0.0)])
+    if _speed(change, here) < _JUMPS:
+        return np.concatenate([0.5 * (before + after), change])
+    slower = before if _speed(before, here) <= _speed(after, here) else after
+    return np.concatenate([slower, np.zeros(6)])
+
+
+def _speed(twist: Vec, pose: Any) -> float:
+    """The largest entry that a twist about the world's origin has about the middle of a pose."""
+    return float(np.abs([*(twist[:3] + np.cross(twist[3:], pose.translation)), *twist[3:]]).max())
 
 
 @final

@@ -39,7 +39,7 @@ class NearPairs:
         n, m, n_links, joints = geometry.ngeoms, len(geometry.collisionPairs), max(links) + 1, model.njoints
         counts = np.array([n, len(shapes[3]), len(shapes[5])], dtype=np.int64)
         work = np.zeros((4, 3)), np.zeros((4, 8)), np.zeros(4), np.zeros(4), np.zeros(12)
-        self._bodies = Memory(counts, placements(self.data), *shapes, *work, np.zeros((3, 4, 3)), np.zeros((4, 6)))
+        self._bodies = Memory(counts, placements(self.data), *shapes, *work, np.zeros((2, 4, 3)), np.zeros((4, 6)))
         #: (m LINES, 10): distance, direction from the first shape to the second and both points, as found last.
         self.line = np.zeros((m * LINES, 10))
         #: (m,): of each pair its distance when it was measured last, and the ways of its shapes until then.

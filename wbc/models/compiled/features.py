@@ -20,16 +20,29 @@ Griewank, Walther: Evaluating Derivatives, SIAM 2008, and any text on the implic
 
 from __future__ import annotations
 
-from math import nan, sqrt
+from math import inf, nan, sqrt
 
 from wbc.compiled import kernel, small_kernel
-from wbc.models.compiled.gjk import TOUCHING, Bodies, answer, extend, join, nearest, point, search
+from wbc.models.compiled.gjk import (
+    ENOUGH,
+    TOUCHING,
+    Bodies,
+    answer,
+    extend,
+    join,
+    kept,
+    nearest,
+    point,
+    search,
+    support,
+)
 from wbc.types import Mat, Vec
 
 #: ε of a proof, and of the search before Newton's method, which then doubles the digits with each of so many steps [m].
 _SHARP, _ROUGH, _STEPS = 1e-13, 1e-9, 4
-#: A nearest point that is as far from the axis, as a share of the radius, is tried as one of the edge or the side.
-_EDGE = 0.999
+#: A nearest point that is as far from the axis, as a share of the radius, is tried as one of the edge or the side:
+#: after a rough search, and after a sharp one. What then has no proof is tried as one of the flat end.
+_EDGE, _SHARP_EDGE = 0.999, 1.0 - 1e-9
 #: Time [s] for which a feature is to be the nearest: with less, the larger one counts that it is part of.
 _LASTS = 1e-4
 
@@ -41,8 +54,8 @@ def _turns(s: Bodies, shape: int, side: int) -> bool:
 
 
 @small_kernel
-def _is_new(s: Bodies, at: int) -> bool:
-    """Whether the points in row ``at`` of the simplex are in no row before, which then has their share."""
+def _joins(s: Bodies, at: int) -> bool:
+    """Whether row ``at`` is one of the simplex. A row before that has the same points gets its share instead."""
     for row in range(at):
         same = True
         for i in range(6):
@@ -54,7 +67,7 @@ def _is_new(s: Bodies, at: int) -> bool:
 
 
 @kernel
-def _merged(s: Bodies, first: int, second: int, k: int) -> int:
+def _merged(s: Bodies, first: int, second: int, k: int, edge: float) -> int:
     """Points of a cylinder's side or edge become points at one angle, and equal rows one row; how many are left."""
     for side in range(2):
         shape, o = second if side else first, 3 * side
@@ -64,7 +77,7 @@ def _merged(s: Bodies, first: int, second: int, k: int) -> int:
                 x += s.share[at] * s.P[at, o]
                 y += s.share[at] * s.P[at, o + 1]
             out, radius = sqrt(x * x + y * y), s.size[shape, 0]
-            turns = out > _EDGE * radius
+            turns = out > edge * radius
             for at in range(k):
                 s.P[at, 6 + side] = 1.0 if turns else 0.0
                 if turns:
@@ -74,7 +87,7 @@ def _merged(s: Bodies, first: int, second: int, k: int) -> int:
         for i in range(8):
             s.P[m, i] = s.P[at, i]
         s.share[m] = s.share[at]
-        if _is_new(s, m):
+        if _joins(s, m):
             m += 1
     for at in range(m):
         join(s, first, second, at)
@@ -139,7 +152,7 @@ def _solve(s: Bodies, m: int) -> bool:
 
 @kernel
 def _sharpened(s: Bodies, first: int, second: int, k: int) -> bool:
-    """Newton's steps on u. False: its points are not in the shapes."""
+    """Newton's steps on u. False: g has no least point."""
     for _ in range(_STEPS):
         x, y, z = point(s, k)
         m = _linearise(s, first, second, k, x, y, z)
@@ -163,22 +176,25 @@ def _sharpened(s: Bodies, first: int, second: int, k: int) -> bool:
                 m += 1
         for at in range(k):
             join(s, first, second, at)
-    for at in range(k):
-        if not s.share[at] >= 0.0:
-            return False
     return True
 
 
 @kernel
-def _proven(s: Bodies, first: int, second: int, k: int) -> int:
+def _proven(s: Bodies, first: int, second: int, k: int, edge: float, enough: float) -> int:
     """Newton's method from what a search has left; how many rows the answer has, 0 without a proof."""
-    k = _merged(s, first, second, k)
+    k = _merged(s, first, second, k, edge)
     if not _sharpened(s, first, second, k):
         return 0
+    for at in range(k):
+        if not s.share[at] > 0.0:  # as where the middle of a side is on a diagonal: its point is that of fewer rows
+            if not nearest(s, k):
+                return 0
+            k = kept(s, k)
+            break
     x, y, z = point(s, k)
     d = sqrt(x * x + y * y + z * z)
     extend(s, first, second, x, y, z, k)
-    return k if d > TOUCHING and d - (x * s.W[k, 0] + y * s.W[k, 1] + z * s.W[k, 2]) / d <= _SHARP else 0
+    return k if d > TOUCHING and d - (x * s.W[k, 0] + y * s.W[k, 1] + z * s.W[k, 2]) / d <= enough else 0
 
 
 @kernel
@@ -186,11 +202,11 @@ def distance(s: Bodies, first: int, second: int, line: Vec, simplex: Mat, k: int
     """What :func:`~wbc.models.compiled.gjk.search` finds, as sharp as rounding allows, with the normal as sharp."""
     if not (s.is_cylinder[first] or s.is_cylinder[second]):
         return search(s, first, second, line, simplex, k, _SHARP)
-    for sharp in (_ROUGH, _SHARP):
+    for sharp, edge, enough in ((_ROUGH, _EDGE, _SHARP), (_SHARP, _SHARP_EDGE, ENOUGH), (_SHARP, inf, _SHARP)):
         k = search(s, first, second, line, simplex, k, sharp)
         if k == 0:
             return 0
-        proven = _proven(s, first, second, k)
+        proven = _proven(s, first, second, k, edge, enough)
         if proven:
             answer(s, first, second, line, proven)
             for at in range(proven):
@@ -242,8 +258,9 @@ def bending(s: Bodies, first: int, second: int, simplex: Mat, k: int, twist: Mat
     """d̈ of a pair that :func:`distance` has measured with k rows of ``simplex``: ``twist`` and its derivative ``bias``
     (n, 6) of all shapes, about the world's origin. NaN: unknown.
 
-    An edge or a corner that lies in a face (as the diagonal of one does) is no feature by itself: a corner that is the
-    nearest ``_LASTS`` from now joins.
+    An edge or a corner that lies in a face (as the diagonal of one does) is no feature by itself. A corner that is the
+    furthest ``_LASTS`` from now, as the shapes are turned then, joins. It does not if the nearest point has passed it
+    by then, as where two corners of a mesh are almost one.
     """
     for at in range(k):
         for i in range(8):
@@ -263,6 +280,7 @@ def bending(s: Bodies, first: int, second: int, simplex: Mat, k: int, twist: Mat
     e, f, g = acceleration(B, bias[second], p, q, r)
     nearing = (x * u + y * v + z * w) / d
     straight = u * u + v * v + w * w - nearing * nearing + x * (a - e) + y * (b - f) + z * (c - g)
+    joined = False
     while True:
         m = _linearise(s, first, second, k, x, y, z)
         for i in range(m):
@@ -273,6 +291,8 @@ def bending(s: Bodies, first: int, second: int, simplex: Mat, k: int, twist: Mat
             s.hessian[i, 4] = s.hessian[i, 5] = mixed + x * (a - e) + y * (b - f) + z * (c - g)
         if not _solve(s, m):
             return bent
+        if joined and not 0.0 <= -_LASTS * s.hessian[k - 2, 4] <= 1.0:
+            return bent
         follows, a, b, c = 0.0, u, v, w
         for i in range(m):
             moves, F, S = s.hessian[i, 4], s.along[0, i], s.along[1, i]
@@ -281,14 +301,20 @@ def bending(s: Bodies, first: int, second: int, simplex: Mat, k: int, twist: Mat
         bent = (straight - follows) / d
         if k == 3:
             return bent
-        extend(s, first, second, x + _LASTS * a, y + _LASTS * b, z + _LASTS * c, k)
         for side in range(2):
-            if _turns(s, second if side else first, side):
+            shape, sign = second if side else first, 1.0 if side else -1.0
+            e, f, g = _cross(twist[shape], x, y, z)
+            support(
+                s, shape, side, sign * (x + _LASTS * (a - e)), sign * (y + _LASTS * (b - f)),
+                sign * (z + _LASTS * (c - g)), k,
+            )  # fmt: skip
+            if _turns(s, shape, side):
                 s.P[k, 3 * side], s.P[k, 3 * side + 1] = s.P[0, 3 * side], s.P[0, 3 * side + 1]
+        join(s, first, second, k)
         s.share[k] = 0.0
-        if not _is_new(s, k):
+        if not _joins(s, k):
             return bent
-        k += 1
+        k, joined = k + 1, True
 
 
 @small_kernel

@@ -24,7 +24,7 @@ from wbc.types import Index, Mat, Vec
 #: Steps at most; hulls need ten.
 _STEPS = 128
 #: ε with which an answer still counts where rounding ends the search [m].
-_ENOUGH = 1e-10
+ENOUGH = 1e-10
 #: Cores that are nearer [m] are left to a method that knows depths.
 TOUCHING = 1e-7
 
@@ -46,7 +46,7 @@ class Bodies(NamedTuple):
     share: Vec  # (4)
     before: Vec  # (4)
     held: Vec  # (12): the placement of a body while it is turned
-    along: Mat  # (3, 4, 3): of features, see :mod:`wbc.models.compiled.features`
+    along: Mat  # (2, 4, 3): of features, see :mod:`wbc.models.compiled.features`
     hessian: Mat  # (4, 6)
 
 
@@ -61,12 +61,12 @@ def bodies(at: int) -> Bodies:
         carray(floats(m[5]), (c, 3)), carray(integers(m[6]), c + 1), carray(integers(m[7]), s[2]),
         carray(integers(m[8]), n), carray(floats(m[9]), (4, 3)), carray(floats(m[10]), (4, 8)),
         carray(floats(m[11]), 4), carray(floats(m[12]), 4), carray(floats(m[13]), 12),
-        carray(floats(m[14]), (3, 4, 3)), carray(floats(m[15]), (4, 6)),
+        carray(floats(m[14]), (2, 4, 3)), carray(floats(m[15]), (4, 6)),
     )  # fmt: skip
 
 
 @small_kernel
-def _support(s: Bodies, shape: int, side: int, x: float, y: float, z: float, at: int) -> None:
+def support(s: Bodies, shape: int, side: int, x: float, y: float, z: float, at: int) -> None:
     """The point of a shape furthest along (x, y, z), in its own axes, to ``P[at]``: first three entries or last."""
     R, P, o = s.placement[shape], s.P[at], 3 * side
     a, b, c = R[0] * x + R[1] * y + R[2] * z, R[3] * x + R[4] * y + R[5] * z, R[6] * x + R[7] * y + R[8] * z
@@ -107,7 +107,7 @@ def extend(s: Bodies, first: int, second: int, x: float, y: float, z: float, at:
     """The furthest point of the first shape along −(x, y, z), and of the second along (x, y, z), join the simplex."""
     for side in range(2):
         sign = 1.0 if side else -1.0
-        _support(s, second if side else first, side, sign * x, sign * y, sign * z, at)
+        support(s, second if side else first, side, sign * x, sign * y, sign * z, at)
     join(s, first, second, at)
 
 
@@ -129,7 +129,7 @@ def nearest(s: Bodies, k: int) -> bool:
 
 
 @small_kernel
-def _kept(s: Bodies, k: int) -> int:
+def kept(s: Bodies, k: int) -> int:
     """Leave out the corners without a share; how many are left."""
     m = 0
     for i in range(k):
@@ -184,7 +184,7 @@ def _searched(s: Bodies, first: int, second: int, k: int, sharp: float) -> int:
     """Grow the simplex of k corners until it has the nearest point; how many it has then, or 0 without a proof."""
     if not nearest(s, k):
         return 0
-    k = _kept(s, k)
+    k = kept(s, k)
     x, y, z = point(s, k)
     d = sqrt(x * x + y * y + z * z)
     for _ in range(_STEPS):
@@ -200,11 +200,11 @@ def _searched(s: Bodies, first: int, second: int, k: int, sharp: float) -> int:
             return 0
         u, v, w = point(s, k + 1)
         nearer = sqrt(u * u + v * v + w * w)
-        if not nearer < d and within <= _ENOUGH:  # as near as rounding allows
+        if not nearer < d and within <= ENOUGH:  # as near as rounding allows
             for at in range(k):
                 s.share[at] = s.before[at]
             return k
-        k, x, y, z, d = _kept(s, k + 1), u, v, w, nearer
+        k, x, y, z, d = kept(s, k + 1), u, v, w, nearer
     return 0
 
 

@@ -249,15 +249,12 @@ def _bend(s: Pairs, b: Bodies, k: int, most: float, begin: int, end: int) -> Non
     for i in range(begin, end):
         s.drift[i] = carried(s.line[s.found[i]], A, bias_A, B, bias_B)
     if s.corners[k]:
-        bent = bending(b, first, second, s.simplex[k], s.corners[k], s.twist, s.bias)
-        if abs(bent) <= most:  # and no NaN
-            slides = bent - s.drift[begin]
+        slides = bending(b, first, second, s.simplex[k], s.corners[k], s.twist, s.bias) - s.drift[begin]
+        if not abs(slides) <= most:  # or NaN
+            slides = 0.0
     s.drift[begin] += slides
     for i in range(begin + 1, end):
         s.drift[i] += min(slides, 0.0)
-    for i in range(begin, end):
-        if not abs(s.drift[i]) <= most:
-            s.drift[i] = 0.0
 
 
 @kernel
