@@ -7,7 +7,7 @@ import zlib
 from typing import Any
 
 import numpy as np
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from wbc.report.document import Clock, Curve, Plot, Report, Section
@@ -43,6 +43,7 @@ def test_a_smooth_curve_takes_little_room():
     assert packed["times"] > 0 and len(zlib.compress(base64.b64decode(packed["u16"]))) < 10_000
 
 
+@example([0.0, 2e-313])
 @given(st.lists(st.floats(-1e6, 1e6) | st.just(float("nan")) | st.just(float("inf")), min_size=1, max_size=50))
 def test_a_curve_is_read_back_to_a_step_of_its_range(values: list[float]):
     arrays = Arrays()

@@ -101,8 +101,8 @@ def kept(values: Mat, most: int = MOMENTS) -> NDArray[np.intp]:
 def _stepped(values: Vec) -> dict[str, Any]:
     finite = np.isfinite(values)
     low, high = (float(edge(values[finite])) for edge in (np.min, np.max)) if finite.any() else (0.0, 0.0)
-    scale = STEPS / (high - low) if high > low else 0.0
-    steps = np.where(finite, np.rint((np.where(finite, values, low) - low) * scale), STEPS + 1)
+    size = high - low if high > low else 1.0
+    steps = np.where(finite, np.rint((np.where(finite, values, low) - low) / size * STEPS), STEPS + 1)
     stored, times = differenced(steps.astype("<u2").view("<i2"), most=MOST, sample=len(steps))
     return {"u16": text(stored), "times": times, "low": low, "high": high}
 
