@@ -247,7 +247,6 @@ class Distances:
         """Everything of a constant size."""
         # Compiled; only who avoids collisions waits for it.
         from wbc.models.compiled.nearest import LINES
-        from wbc.models.compiled.pair_rows import PairRows
         from wbc.models.near_pairs import NearPairs
 
         model, geometry = self.model, self._geometry
@@ -264,10 +263,12 @@ class Distances:
         start = geometry.ngeoms - len(self._obstacles)
         moving = zip(range(start, geometry.ngeoms), self._obstacles, self._to_shape, strict=True)
         self._moving = {shape: (obstacle, middle) for shape, obstacle, middle in moving if obstacle.moves}
-        self._lines, self._rows_of = LINES, PairRows
+        self._lines = LINES
 
     def _number_rows(self, count: int | None) -> None:
         """Memory for so many rows."""
+        from wbc.models.compiled.pair_rows import PairRows
+
         model, near = self.model.pinocchio, self._near
         pin.updateGeometryPlacements(model, self._kinematics, self._geometry, near.data, np.array(self.model.q0))
         lines = near.read(np.zeros((6, model.nv)), np.zeros(model.nv), speeds=False)
@@ -280,7 +281,7 @@ class Distances:
         self.missing = 0
         #: The pair that had each row last, and the row that each pair had last; −1 where there is none.
         self._held, self._row_of = self.which.copy(), np.full(len(self.pairs) * self._lines, -1, dtype=np.intp)
-        near.write_to(self._rows_of(self._row_of, self.which, self.distance, self.jacobian, self.rate, self.drift))
+        near.write_to(PairRows(self._row_of, self.which, self.distance, self.jacobian, self.rate, self.drift))
 
     def reset(self) -> None:
         """Make all rows free."""
@@ -293,9 +294,9 @@ class Distances:
         J = state.joint_columns  # and with them the placements of the joints
         near = self._near
         pin.updateGeometryPlacements(self.model.pinocchio, state.data, self._geometry, near.data)
-        self._place_obstacles(near.data, state.t)
-        for shape, (obstacle, _) in self._moving.items():
-            near.own[shape] = _motion(obstacle, state.t)
+        for shape, (obstacle, middle) in self._moving.items():
+            here = obstacle.at(state.t)
+            near.data.oMg[shape], near.own[shape] = here * middle, _motion(obstacle, here, state.t)
         lines = near.read(J, state.v, speeds=state.drifts)
         self.missing = 0
         if (self._row_of[lines] < 0).any():
@@ -323,17 +324,12 @@ class Distances:
             at[i], held[row], self._row_of[lines[i]] = row, lines[i], row
         self.missing = len(np.unique(lines[at < 0] // self._lines))
 
-    def _place_obstacles(self, data: Any, t: float) -> None:
-        for shape, (obstacle, middle) in self._moving.items():
-            data.oMg[shape] = obstacle.at(t) * middle
 
+def _motion(obstacle: Obstacle, here: Any, t: float) -> Vec:
+    """Twist of an obstacle about the world's origin and its derivative (12,), at time t and the pose ``here``.
 
-def _motion(obstacle: Obstacle, t: float) -> Vec:
-    """Velocity of an obstacle and its derivative (12,): linear at the world's origin, then angular.
-
-    At a jump, of the pose or of its velocity, these are the smaller velocity of before and after, and 0.
+    Where the pose or its velocity jumps, the twist is the slower of the two before and after, and the derivative 0.
     """
-    here = obstacle.at(t)
     before = pin.log6(here * obstacle.at(t - _STEP).inverse()).vector / _STEP
     after = pin.log6(obstacle.at(t + _STEP) * here.inverse()).vector / _STEP
     change = (after - before) / _STEP

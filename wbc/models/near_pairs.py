@@ -75,19 +75,9 @@ class NearPairs:
         return self._found[: self._sizes[5]].copy()
 
     @property
-    def force(self) -> Mat:
-        """The lines of force (found, 6) along what was found, from the first shape to the second."""
-        return self._force[: self._sizes[5]]
-
-    @property
     def soon(self) -> Vec:
         """How near what was found will be (found,) [m] after ``ahead``, at the velocity of now."""
         return self._soon[: self._sizes[5]]
-
-    @property
-    def drift(self) -> Vec:
-        """The second derivatives (found,) of what was found at a = 0, where speeds count."""
-        return self._drift[: self._sizes[5]]
 
     def write_to(self, rows: PairRows) -> None:
         """Where :meth:`write` writes."""

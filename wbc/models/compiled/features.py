@@ -15,7 +15,7 @@ g_u stays zero, u̇ = −g_uu⁻¹ g_ut, and
 
     d d̈ + ḋ² = |ẋ|² + x·ẍ − g_utᵀ g_uu⁻¹ g_ut    g_ut = Xᵀ ẋ + Ẋᵀ x
 
-Griewank, Walther: Evaluating Derivatives, SIAM 2008, and any text on the implicit function theorem.
+Nocedal, Wright: Numerical Optimization, 2nd edition, Springer 2006: Newton's method (3.3), implicit functions (A.2).
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from wbc.models.compiled.gjk import (
     TOUCHING,
     Bodies,
     answer,
+    begin,
     extend,
     join,
     kept,
@@ -97,38 +98,30 @@ def _merged(s: Bodies, first: int, second: int, k: int, edge: float) -> int:
 @kernel
 def _linearise(s: Bodies, first: int, second: int, k: int, x: float, y: float, z: float) -> int:
     """``along[0]`` and ``along[1]`` become ∂a/∂u and ∂b/∂u, and ``hessian`` g_uu; returns the size of u."""
-    for side in range(2):
-        for j in range(4):
-            for i in range(3):
-                s.along[side, j, i] = 0.0
-    for side in range(2):
-        R, o = s.placement[second if side else first], 3 * side
-        for j in range(k - 1):
-            p, q, r = s.P[j + 1, o] - s.P[0, o], s.P[j + 1, o + 1] - s.P[0, o + 1], s.P[j + 1, o + 2] - s.P[0, o + 2]
-            for i in range(3):
-                s.along[side, j, i] = R[i] * p + R[3 + i] * q + R[6 + i] * r
     m = k - 1
+    for j in range(4):
+        for i in range(3):
+            s.along[0, j, i] = s.along[1, j, i] = 0.0
+        for i in range(4):
+            s.hessian[j, i] = 0.0
     for side in range(2):
         shape, o = second if side else first, 3 * side
-        if _turns(s, shape, side):
-            R = s.placement[shape]
+        R, p, q, r = s.placement[shape], s.P[0, o], s.P[0, o + 1], s.P[0, o + 2]
+        for j in range(k - 1):
+            a, b, c = s.P[j + 1, o] - p, s.P[j + 1, o + 1] - q, s.P[j + 1, o + 2] - r
             for i in range(3):
-                s.along[side, m, i] = R[3 + i] * s.P[0, o] - R[i] * s.P[0, o + 1]
+                s.along[side, j, i] = R[i] * a + R[3 + i] * b + R[6 + i] * c
+        if _turns(s, shape, side):
+            outwards = x * (R[0] * p + R[3] * q) + y * (R[1] * p + R[4] * q) + z * (R[2] * p + R[5] * q)
+            s.hessian[m, m] = outwards if side else -outwards  # x·x_uu
+            for i in range(3):
+                s.along[side, m, i] = R[3 + i] * p - R[i] * q
             m += 1
     for j in range(m):
         for i in range(j + 1):
-            total = 0.0
             for c in range(3):
-                total += (s.along[0, i, c] - s.along[1, i, c]) * (s.along[0, j, c] - s.along[1, j, c])
-            s.hessian[i, j] = s.hessian[j, i] = total
-    m = k - 1
-    for side in range(2):
-        shape, o = second if side else first, 3 * side
-        if _turns(s, shape, side):
-            R, p, q = s.placement[shape], s.P[0, o], s.P[0, o + 1]
-            outwards = x * (R[0] * p + R[3] * q) + y * (R[1] * p + R[4] * q) + z * (R[2] * p + R[5] * q)
-            s.hessian[m, m] += outwards if side else -outwards
-            m += 1
+                s.hessian[i, j] += (s.along[0, i, c] - s.along[1, i, c]) * (s.along[0, j, c] - s.along[1, j, c])
+            s.hessian[j, i] = s.hessian[i, j]
     return m
 
 
@@ -208,16 +201,13 @@ def distance(s: Bodies, first: int, second: int, line: Vec, simplex: Mat, k: int
             return 0
         proven = _proven(s, first, second, k, edge, enough)
         if proven:
-            answer(s, first, second, line, proven)
-            for at in range(proven):
-                for i in range(8):
-                    simplex[at, i] = s.P[at, i]
+            answer(s, first, second, line, simplex, proven)
             return proven
     return 0
 
 
 @small_kernel
-def _cross(a: Vec, x: float, y: float, z: float) -> tuple[float, float, float]:
+def cross(a: Vec, x: float, y: float, z: float) -> tuple[float, float, float]:
     """ω × (x, y, z) for the angular part of a twist."""
     return a[4] * z - a[5] * y, a[5] * x - a[3] * z, a[3] * y - a[4] * x
 
@@ -225,7 +215,7 @@ def _cross(a: Vec, x: float, y: float, z: float) -> tuple[float, float, float]:
 @small_kernel
 def velocity(twist: Vec, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Of a point of a body with this twist (6,): linear about the world's origin, angular."""
-    u, v, w = _cross(twist, x, y, z)
+    u, v, w = cross(twist, x, y, z)
     return twist[0] + u, twist[1] + v, twist[2] + w
 
 
@@ -234,7 +224,7 @@ def acceleration(twist: Vec, bias: Vec, x: float, y: float, z: float) -> tuple[f
     """Of a point of a body with this twist, whose derivative is ``bias`` (6,)."""
     a, b, c = velocity(bias, x, y, z)
     u, v, w = velocity(twist, x, y, z)
-    u, v, w = _cross(twist, u, v, w)
+    u, v, w = cross(twist, u, v, w)
     return a + u, b + v, c + w
 
 
@@ -255,17 +245,15 @@ def _foot(s: Bodies, shape: int, side: int, k: int) -> tuple[float, float, float
 
 @kernel
 def bending(s: Bodies, first: int, second: int, simplex: Mat, k: int, twist: Mat, bias: Mat) -> float:
-    """d̈ of a pair that :func:`distance` has measured with k rows of ``simplex``: ``twist`` and its derivative ``bias``
-    (n, 6) of all shapes, about the world's origin. NaN: unknown.
+    """d̈ of a pair that :func:`distance` has measured with k rows of ``simplex``; NaN: unknown.
 
-    An edge or a corner that lies in a face (as the diagonal of one does) is no feature by itself. A corner that is the
-    furthest ``_LASTS`` from now, as the shapes are turned then, joins. It does not if the nearest point has passed it
-    by then, as where two corners of a mesh are almost one.
+    ``twist`` (n, 6) has the twists of all shapes about the world's origin, ``bias`` (n, 6) their derivatives.
+
+    A diagonal of a face is no feature by itself: the nearest points may leave it for the rest of the face. So the
+    corner that is furthest ``_LASTS`` from now, as the shapes are turned then, joins the feature. It does not join if
+    the nearest point will have passed it by then, as where two corners of a mesh are almost one.
     """
-    for at in range(k):
-        for i in range(8):
-            s.P[at, i] = simplex[at, i]
-        join(s, first, second, at)
+    begin(s, first, second, simplex, k)
     if not nearest(s, k):
         return nan
     A, B, bent = twist[first], twist[second], nan
@@ -285,8 +273,8 @@ def bending(s: Bodies, first: int, second: int, simplex: Mat, k: int, twist: Mat
         m = _linearise(s, first, second, k, x, y, z)
         for i in range(m):
             F, S = s.along[0, i], s.along[1, i]
-            a, b, c = _cross(A, F[0], F[1], F[2])
-            e, f, g = _cross(B, S[0], S[1], S[2])
+            a, b, c = cross(A, F[0], F[1], F[2])
+            e, f, g = cross(B, S[0], S[1], S[2])
             mixed = (F[0] - S[0]) * u + (F[1] - S[1]) * v + (F[2] - S[2]) * w
             s.hessian[i, 4] = s.hessian[i, 5] = mixed + x * (a - e) + y * (b - f) + z * (c - g)
         if not _solve(s, m):
@@ -303,7 +291,7 @@ def bending(s: Bodies, first: int, second: int, simplex: Mat, k: int, twist: Mat
             return bent
         for side in range(2):
             shape, sign = second if side else first, 1.0 if side else -1.0
-            e, f, g = _cross(twist[shape], x, y, z)
+            e, f, g = cross(twist[shape], x, y, z)
             support(
                 s, shape, side, sign * (x + _LASTS * (a - e)), sign * (y + _LASTS * (b - f)),
                 sign * (z + _LASTS * (c - g)), k,
@@ -327,15 +315,15 @@ def carried(line: Vec, A: Vec, bias_A: Vec, B: Vec, bias_B: Vec) -> float:
     u, v, w = acceleration(A, bias_A, line[4], line[5], line[6])
     a, b, c = acceleration(B, bias_B, line[7], line[8], line[9])
     bent: float = x * (a - u) + y * (b - v) + z * (c - w)
-    u, v, w = _cross(A, x, y, z)
-    a, b, c = _cross(B, x, y, z)
+    u, v, w = cross(A, x, y, z)
+    a, b, c = cross(B, x, y, z)
     e, f, g = 0.5 * (u + a), 0.5 * (v + b), 0.5 * (w + c)  # the derivative of n
     bent += 2.0 * (e * p + f * q + g * r)
-    u, v, w = _cross(A, u, v, w)
-    a, b, c = _cross(B, a, b, c)
-    p, q, r = _cross(bias_A, x, y, z)
+    u, v, w = cross(A, u, v, w)
+    a, b, c = cross(B, a, b, c)
+    p, q, r = cross(bias_A, x, y, z)
     u, v, w = u + p, v + q, w + r
-    p, q, r = _cross(bias_B, x, y, z)
+    p, q, r = cross(bias_B, x, y, z)
     u, v, w = 0.5 * (u + a + p), 0.5 * (v + b + q), 0.5 * (w + c + r)
     grows = x * u + y * v + z * w + e * e + f * f + g * g
     u, v, w = u - grows * x, v - grows * y, w - grows * z  # its second derivative

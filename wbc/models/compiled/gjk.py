@@ -41,13 +41,14 @@ class Bodies(NamedTuple):
     neighbours: Index
     first: Index  # (n): corner to climb from
     W: Mat  # (4, 3): corners of the simplex
-    P: Mat  # (4, 8): their points in both shapes, each in its own axes, and which corners of hulls these are, or for a
-    # cylinder 1, where the answer moves along the curve of its side or edge
+    # Their points in both shapes, each in its own axes, and of both which corner of a hull that is. For a cylinder: 1
+    # where the point may turn about the axis, on its side or edge; 0 inside its flat end.
+    P: Mat  # (4, 8)
     share: Vec  # (4)
     before: Vec  # (4)
     held: Vec  # (12): the placement of a body while it is turned
-    along: Mat  # (2, 4, 3): of features, see :mod:`wbc.models.compiled.features`
-    hessian: Mat  # (4, 6)
+    along: Mat  # (2, 4, 3): ∂a/∂u and ∂b/∂u, see :mod:`wbc.models.compiled.features`
+    hessian: Mat  # (4, 6): g_uu, then a right side that is solved for, and its copy
 
 
 @small_kernel
@@ -155,6 +156,15 @@ def point(s: Bodies, k: int) -> tuple[float, float, float]:
     return x, y, z
 
 
+@small_kernel
+def begin(s: Bodies, first: int, second: int, simplex: Mat, k: int) -> None:
+    """The simplex becomes the k rows of ``simplex``, as the shapes are placed now."""
+    for at in range(k):
+        for i in range(8):
+            s.P[at, i] = simplex[at, i]
+        join(s, first, second, at)
+
+
 @kernel
 def search(s: Bodies, first: int, second: int, line: Vec, simplex: Mat, k: int, sharp: float) -> int:
     """``line`` (10,) becomes distance, normal from the first shape to the second, and the points nearest to each other.
@@ -162,20 +172,14 @@ def search(s: Bodies, first: int, second: int, line: Vec, simplex: Mat, k: int, 
     ``simplex`` (4, 8) has k rows of ``P`` to start from, and those of the answer then; ``sharp`` is ε [m].
     Returns how many; 0: there is no proof of an answer.
     """
-    for at in range(k):
-        for i in range(8):
-            s.P[at, i] = simplex[at, i]
-        join(s, first, second, at)
+    begin(s, first, second, simplex, k)
     if k == 0:
         A, B = s.placement[first], s.placement[second]
         extend(s, first, second, A[9] - B[9], A[10] - B[10], A[11] - B[11], k)
         k = 1
     k = _searched(s, first, second, k, sharp)
     if k:
-        answer(s, first, second, line, k)
-        for at in range(k):
-            for i in range(8):
-                simplex[at, i] = s.P[at, i]
+        answer(s, first, second, line, simplex, k)
     return k
 
 
@@ -200,7 +204,8 @@ def _searched(s: Bodies, first: int, second: int, k: int, sharp: float) -> int:
             return 0
         u, v, w = point(s, k + 1)
         nearer = sqrt(u * u + v * v + w * w)
-        if not nearer < d and within <= ENOUGH:  # as near as rounding allows
+        # Where rounding lets the next simplex be no nearer, this one is the answer, or the next has the proof it lacks.
+        if not nearer < d and within <= ENOUGH:
             for at in range(k):
                 s.share[at] = s.before[at]
             return k
@@ -209,8 +214,8 @@ def _searched(s: Bodies, first: int, second: int, k: int, sharp: float) -> int:
 
 
 @small_kernel
-def answer(s: Bodies, first: int, second: int, line: Vec, k: int) -> None:
-    """Distance, normal and nearest points of a simplex that has them."""
+def answer(s: Bodies, first: int, second: int, line: Vec, simplex: Mat, k: int) -> None:
+    """Distance, normal and nearest points of a simplex that has them, and its rows."""
     x, y, z = point(s, k)
     d = sqrt(x * x + y * y + z * z)
     line[0] = d - s.round[first] - s.round[second]
@@ -224,3 +229,6 @@ def answer(s: Bodies, first: int, second: int, line: Vec, k: int) -> None:
                 P = s.P[at]
                 total += s.share[at] * (R[i] * P[o] + R[3 + i] * P[o + 1] + R[6 + i] * P[o + 2])
             line[4 + o + i] = total
+    for at in range(k):
+        for i in range(8):
+            simplex[at, i] = s.P[at, i]

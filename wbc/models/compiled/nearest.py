@@ -14,9 +14,9 @@ with the twist V = [v, ω] of each about the world's origin
 
     V_i = V_parent + J_i v_i,    V̇_i = V̇_parent + V_parent × V_i    at a = 0
 
-f̈ of a line is what its points have as parts of the links (:func:`~wbc.models.compiled.features.carried`). The nearest
-points slide, which adds d̈ − f̈ to their line; where other points become the nearest all lines come nearer, so that less
-than nothing is added to all.
+The drift of a line is f̈, that of its points as parts of the links (:func:`~wbc.models.compiled.features.carried`). The
+nearest points also slide along the shapes: d̈ − f̈ is added to the drift of their line. Where that is negative, other
+points come nearer than those of the lines, and it is added to the other lines of the pair too.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from math import inf, sqrt
 from typing import NamedTuple
 
 from wbc.compiled import carray, entry, floats, integers, kernel, small_kernel
-from wbc.models.compiled.features import bending, carried, distance
+from wbc.models.compiled.features import bending, carried, cross, distance, velocity
 from wbc.models.compiled.gjk import Bodies, bodies
 from wbc.models.compiled.turned import NEAR, TURNS, turned
 from wbc.types import Index, Mat, Vec
@@ -40,7 +40,7 @@ LINES = 1 + TURNS
 
 #: What ``sizes[4]`` says before a measurement.
 BEGIN = -1
-#: Curvature [1/m] that counts: that of shapes of a few centimetres. What is beyond is over in a tick.
+#: Sliding adds at most so much [1/m] times the largest velocity squared. What adds more is over within a tick.
 _MOST_CURVATURE = 30.0
 
 
@@ -134,12 +134,11 @@ def _swing(s: Pairs) -> None:
         for k in range(s.begin[j], s.begin[j + 1]):
             for i in range(6):
                 own[i] += s.columns[k, i] * s.v[k]
-        own[6] += P[4] * own[2] - P[5] * own[1] + P[1] * own[5] - P[2] * own[4]
-        own[7] += P[5] * own[0] - P[3] * own[2] + P[2] * own[3] - P[0] * own[5]
-        own[8] += P[3] * own[1] - P[4] * own[0] + P[0] * own[4] - P[1] * own[3]
-        own[9] += P[4] * own[5] - P[5] * own[4]
-        own[10] += P[5] * own[3] - P[3] * own[5]
-        own[11] += P[3] * own[4] - P[4] * own[3]
+        u, v, w = cross(P, own[0], own[1], own[2])
+        x, y, z = cross(own, P[0], P[1], P[2])
+        own[6], own[7], own[8] = own[6] + u - x, own[7] + v - y, own[8] + w - z
+        u, v, w = cross(P, own[3], own[4], own[5])
+        own[9], own[10], own[11] = own[9] + u, own[10] + v, own[11] + w
     for k in range(len(s.carrier)):
         J = s.joints[s.carrier[k]]
         for i in range(6):
@@ -157,9 +156,9 @@ def _feel(s: Pairs, b: Bodies) -> None:
     for k in range(len(s.pair)):
         A, B, at = s.twist[s.pair[k, 0]], s.twist[s.pair[k, 1]], b.placement[s.pair[k, 1]]
         x, y, z = B[3] - A[3], B[4] - A[4], B[5] - A[5]
-        u = B[0] - A[0] + y * at[11] - z * at[10]
-        v = B[1] - A[1] + z * at[9] - x * at[11]
-        w = B[2] - A[2] + x * at[10] - y * at[9]
+        u, v, w = velocity(B, at[9], at[10], at[11])
+        a, c, e = velocity(A, at[9], at[10], at[11])
+        u, v, w = u - a, v - c, w - e
         most = sqrt(u * u + v * v + w * w) + sqrt(x * x + y * y + z * z) * s.radius[s.pair[k, 1]]
         s.felt[k] = max(reach, margin + 2.0 * ahead * most)
 
@@ -213,12 +212,9 @@ def _lines(s: Pairs, b: Bodies, k: int) -> int:
         x, y, z = B[3] - A[3], B[4] - A[4], B[5] - A[5]
         about = main[1] * x + main[2] * y + main[3] * z
         turn, turns = ahead * sqrt(max(x * x + y * y + z * z - about * about, 0.0)), TURNS
-        nearing = 0.0
-        for i in range(3):
-            nearing -= main[1 + i] * (B[i] - A[i])
-        nearing -= (main[5] * main[3] - main[6] * main[2]) * x
-        nearing -= (main[6] * main[1] - main[4] * main[3]) * y
-        nearing -= (main[4] * main[2] - main[5] * main[1]) * z
+        u, v, w = velocity(A, main[4], main[5], main[6])
+        a, c, e = velocity(B, main[4], main[5], main[6])
+        nearing = main[1] * (u - a) + main[2] * (v - c) + main[3] * (w - e)
         close = max(close, s.numbers[1] + ahead * nearing + turn * size)
     if main[0] >= close:
         return 1
@@ -233,11 +229,8 @@ def _fastest(s: Pairs, b: Bodies) -> float:
         most = max(most, abs(s.v[i]))
     for k in range(len(s.own)):
         V, at = s.own[k], b.placement[k]
-        for i in range(3):
-            most = max(most, abs(V[3 + i]))
-        most = max(most, abs(V[0] + V[4] * at[11] - V[5] * at[10]))
-        most = max(most, abs(V[1] + V[5] * at[9] - V[3] * at[11]))
-        most = max(most, abs(V[2] + V[3] * at[10] - V[4] * at[9]))
+        x, y, z = velocity(V, at[9], at[10], at[11])
+        most = max(most, abs(x), abs(y), abs(z), abs(V[3]), abs(V[4]), abs(V[5]))
     return most
 
 
@@ -282,7 +275,8 @@ def _pull(s: Pairs, k: int, begin: int, end: int) -> int:
 @kernel
 def _collect(s: Pairs, b: Bodies) -> None:
     """The lines of what is near enough, by number."""
-    beside, count, most = BESIDE * s.numbers[0], 0, _MOST_CURVATURE * _fastest(s, b) ** 2
+    beside, count = BESIDE * s.numbers[0], 0
+    most = _MOST_CURVATURE * _fastest(s, b) ** 2 if s.sizes[6] else 0.0
     for k in range(len(s.pair)):
         if s.distance[k] < inf and s.distance[k] <= s.nearest[s.links[k]] + beside:
             end = count + _lines(s, b, k)
