@@ -69,8 +69,12 @@ class Page:
 
 
 @pytest.fixture
-def watched():
-    """A function that lets an arm run, watched, for as long as somebody does something with its page."""
+def watched(monkeypatch):
+    """A function that lets an arm run, watched, for as long as somebody does something with its page.
+
+    asyncio refuses what another thread does to its loop in debug mode; otherwise it is lost or raises now and then.
+    """
+    monkeypatch.setenv("PYTHONASYNCIODEBUG", "1")
 
     def watch(does: Callable[[Page, Any], None]) -> Any:
         from wbc.live import View

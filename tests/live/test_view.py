@@ -140,6 +140,7 @@ def test_a_view_whose_process_dies_is_a_warning(view):
     ticks(shown, 2)
     shown._process.kill()
     shown._process.wait()
+    shown._ready = True  # as its last word may have been
     end = monotonic() + 10.0
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")

@@ -134,7 +134,7 @@ class View:
     @property
     def closed(self) -> bool:
         """Whether nobody can look any more: closed, or its process has ended."""
-        return self._process is None
+        return bool(self._line.closed)
 
     def close(self, why: str = "the run has ended") -> None:
         """End the view; the page says ``why``."""
@@ -143,7 +143,7 @@ class View:
         if process is None:
             return
         try:
-            if self._ready or self._line.poll(4 * PERIOD):
+            if not self.closed and (self._ready or self._line.poll(4 * PERIOD)):
                 self._line.send({"ended": why})
         except OSError:
             pass
@@ -172,7 +172,7 @@ class View:
 
         ``microseconds``: what the tick took. ``row``: the columns of a record where they are known already.
         """
-        if self._process is None:
+        if self.closed:
             return
         if not microseconds <= self._worst:  # or it is not a number yet
             self._worst = microseconds
@@ -192,7 +192,7 @@ class View:
         self._listen()
         shown = False
         while True:
-            if self._ready and not shown:
+            if self._ready and not shown and not self.closed:
                 shown = True
                 self._show(self._row(t, command, microseconds) | {k: x for k, x in (row or {}).items() if _drawn(k)})
             if not self.paused or self._steps or self.closed:
@@ -240,7 +240,7 @@ class View:
     def _listen(self) -> None:
         """Do what was done in the browser since."""
         try:
-            while self._process is not None and self._line.poll(0):
+            while not self.closed and self._line.poll(0):
                 self._do(*self._line.recv())
         except (OSError, EOFError):
             self._lost()
@@ -284,7 +284,8 @@ class View:
 
     def _lost(self) -> None:
         """The view's process has ended: the loop goes on without it."""
-        self._process, self.paused = None, False
+        self._line.close()
+        self.paused = False
         warnings.warn("the view in the browser has ended; the loop goes on", stacklevel=4)
 
 

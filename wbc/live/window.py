@@ -5,11 +5,13 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import os
 import sys
 import threading
 from collections import defaultdict, deque
+from collections.abc import Coroutine
 from functools import partial
 from itertools import groupby
 from multiprocessing.connection import Connection
@@ -37,7 +39,11 @@ SPEEDS = (0.05, 0.1, 0.25, 0.5, 1.0)
 
 @final
 class Window:
-    """The scene, and the controls beside it."""
+    """The scene, and the controls beside it.
+
+    What browsers are shown is changed in viser's event loop alone: viser wakes its senders by an ``asyncio.Event``,
+    which no other thread may set.
+    """
 
     def __init__(self, line: Any, setup: dict[str, Any]) -> None:
         self._line, self._setup, self._lock = line, setup, threading.Lock()
@@ -49,10 +55,7 @@ class Window:
         self._red: set[str] = set()
         self._words_due = 0.0
         self._server = viser.ViserServer(host="127.0.0.1", port=setup["port"], label="wbc", verbose=False)
-        self._server.gui.configure_theme(control_width="medium", show_logo=False, show_share_button=False)
-        self._server.gui.main_panel.dock_right()
-        self._build_scene()
-        self._build_controls()
+        self._in_loop(self._build())
         self._server.on_client_connect(self._greet)
         self._server.on_client_disconnect(lambda _: self.say("clients", len(self._server.get_clients())))
 
@@ -68,19 +71,35 @@ class Window:
             message = self._line.recv()
             while "row" not in message:
                 if "ended" in message:
-                    self._status.content = f"**{message['ended']}**"
+                    self._in_loop(self._write(self._status, message["ended"]))
                     sleep(0.5)  # for the word to get there
                     return
-                self._refused.content = f"**refused:** {message['refused']}"
+                self._in_loop(self._write(self._refused, f"refused: {message['refused']}"))
                 message = self._line.recv()
             due = monotonic() + self._setup["period"]
-            with self._server.atomic():
-                self._draw(message["row"], message["pushed"])
-            if message["paused"] or monotonic() >= self._words_due:  # a pause has one picture
-                self._words_due = monotonic() + WORDS_EVERY
-                self._tell(message)
+            self._in_loop(self._show(message))
             sleep(max(0.0, due - monotonic()))
             self.say("next")
+
+    def _in_loop(self, work: Coroutine[Any, Any, None]) -> None:
+        """Have viser's event loop do something, and wait until it is done."""
+        asyncio.run_coroutine_threadsafe(work, self._server.get_event_loop()).result()
+
+    async def _build(self) -> None:
+        self._server.gui.configure_theme(control_width="medium", show_logo=False, show_share_button=False)
+        self._server.gui.main_panel.dock_right()
+        self._build_scene()
+        self._build_controls()
+
+    async def _write(self, where: Any, words: str) -> None:
+        where.content = f"**{words}**"
+
+    async def _show(self, message: dict[str, Any]) -> None:
+        with self._server.atomic():
+            self._draw(message["row"], message["pushed"])
+        if message["paused"] or monotonic() >= self._words_due:  # a pause has one picture
+            self._words_due = monotonic() + WORDS_EVERY
+            self._tell(message)
 
     # ---- the scene
     def _build_scene(self) -> None:
@@ -166,7 +185,7 @@ class Window:
 
     def _add_switch(self, mark: Mark) -> None:
         self._visible[mark.name] = not mark.hidden
-        with self._show:
+        with self._marks:
             box = self._server.gui.add_checkbox(mark.name, not mark.hidden)
 
         def switch(_: Any) -> None:
@@ -174,7 +193,7 @@ class Window:
 
         box.on_update(switch)
 
-    def _greet(self, client: Any) -> None:
+    async def _greet(self, client: Any) -> None:
         """A browser that has come: the camera where that of the report stands."""
         places = np.array([frame.position for frame in self._frames.values()])
         middle = 0.5 * (places.min(axis=0) + places.max(axis=0))
@@ -191,16 +210,16 @@ class Window:
         if self._setup["pausing"]:
             self._pause = gui.add_button("pause")
             self._paused = False
-            self._pause.on_click(lambda _: self._set_paused(not self._paused))
+            self._pause.on_click(self._press_pause)
             step = gui.add_button("one tick")
-            step.on_click(lambda _: self._set_paused(True, step=True))
+            step.on_click(self._press_step)
             speed = gui.add_dropdown("speed", tuple(f"{s:g}" for s in SPEEDS), initial_value="1")
             speed.on_update(lambda _: self.say("speed", float(speed.value)))
         if self._setup["frames"]:
             self._build_push()
         with gui.add_folder("active rows"):
             self._rows = gui.add_markdown("none")
-        self._show = gui.add_folder("show", expand_by_default=False)
+        self._marks = gui.add_folder("show", expand_by_default=False)
         numbered = list(enumerate(self._setup["knobs"]))
         for task, knobs in groupby(numbered, key=lambda item: item[1].task):
             with gui.add_folder(task, expand_by_default=False):
@@ -229,16 +248,23 @@ class Window:
             else gui.add_slider(label, knob.low, knob.high, knob.step, knob.value)
         )
 
-        def turn(_: Any) -> None:
+        async def turn(_: Any) -> None:
             self._refused.content = ""
             self.say("set", number, float(handle.value))
 
         handle.on_update(turn)
 
-    def _set_paused(self, paused: bool, *, step: bool = False) -> None:
+    async def _press_pause(self, _: Any) -> None:
+        self._set_paused(not self._paused)
+        self.say("pause", self._paused)
+
+    async def _press_step(self, _: Any) -> None:
+        self._set_paused(True)
+        self.say("step")
+
+    def _set_paused(self, paused: bool) -> None:
         self._paused = paused
         self._pause.label = "go on" if paused else "pause"
-        self.say("step" if step else "pause", *(() if step else (paused,)))
 
     def _tell(self, message: dict[str, Any]) -> None:
         row, period = message["row"], 1e6 * float(self._setup["meta"]["dt"])
