@@ -7,12 +7,15 @@ least squares, with all tasks above held where the answer has them, within all c
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Any, NamedTuple
 
 import clarabel
 import numpy as np
-from scipy.optimize import linprog
+from scipy.linalg import null_space
+from scipy.optimize import linprog, nnls
 from scipy.sparse import csc_matrix
 
 import wbc
@@ -141,96 +144,148 @@ class Optimum(NamedTuple):
     proved: bool
 
 
-def least_squares(F: Mat, f: Vec, c: Constraints, unit: Vec) -> Optimum | None:
-    """Minimise ½ ‖F x − f‖² within the constraints: Clarabel finds the active rows, numpy solves for them.
+def least_squares(F: Mat, f: Vec, c: Constraints, unit: Vec, start: Vec | None = None) -> Optimum | None:
+    """Minimise ½ ‖F x − f‖² within the constraints: others find the active rows, numpy solves for them.
 
-    ``unit`` (n,) is the size of each unknown. None: Clarabel found nothing. Equations that contradict each other by
+    Clarabel is asked first, and from ``start`` (n,), a point within the constraints, NNLS, which needs no interior.
+    ``unit`` (n,) is the size of each unknown. None: neither found anything. Equations that contradict each other by
     less than what counts as met have no common point: where no optimum is proved, e is replaced by the nearest right
     side that can be met.
     """
-    found = _least_squares(F, f, c, unit)
+    found = _least_squares(F, f, c, unit, start)
     if found is not None and found.proved:
         return found
     met = c.E @ np.linalg.lstsq(c.E, c.e, rcond=1e-11)[0] if len(c.E) else c.e
     if np.abs(met - c.e).max(initial=0.0) > 0.1 * FEASIBLE:
         return found
-    again = _least_squares(F, f, replace(c, e=met), unit)
+    again = _least_squares(F, f, replace(c, e=met), unit, start)
     return again if again is not None and again.proved else found
 
 
-def _least_squares(F: Mat, f: Vec, c: Constraints, unit: Vec) -> Optimum | None:
-    n, m = F.shape[1], len(F)
-    top = float(np.abs(F * unit).max(initial=0.0)) or 1.0
-    up, low = np.isfinite(c.cu) & (c.cu > c.cl), np.isfinite(c.cl) & (c.cu > c.cl)
-    fixed = c.cu == c.cl
-    E, e = np.vstack([c.E, c.C[fixed]]), np.append(c.e, c.cl[fixed])
+def _least_squares(F: Mat, f: Vec, c: Constraints, unit: Vec, start: Vec | None) -> Optimum | None:
+    up, low, fixed = np.isfinite(c.cu) & (c.cu > c.cl), np.isfinite(c.cl) & (c.cu > c.cl), c.cu == c.cl
+    p = _Problem(
+        F, f, np.vstack([c.E, c.C[fixed]]), np.append(c.e, c.cl[fixed]), np.vstack([c.C[up], -c.C[low]]),
+        np.concatenate([c.cu[up], -c.cl[low]]), unit,
+    )  # fmt: skip
+    best: Optimum | None = None
+    for x, active in chain(_by_clarabel(p), () if start is None else _by_nnls(p, start)):
+        if best is None and c.excess(x) <= FEASIBLE:
+            best = Optimum(x, False)
+        refined = _refined(p, active, x)
+        if refined is None:
+            continue
+        if c.excess(refined[0]) <= 1e-7 and refined[1] and (np.abs(refined[0]) < FAR * unit).all():
+            return Optimum(refined[0], True)
+    return best
+
+
+class _Problem(NamedTuple):
+    """½ ‖F x − f‖² where E x = e and A x ≤ a; ``unit`` (n,) is the size of each unknown."""
+
+    F: Mat
+    f: Vec
+    E: Mat
+    e: Vec
+    A: Mat
+    a: Vec
+    unit: Vec
+
+
+def _by_clarabel(p: _Problem) -> Iterator[tuple[Vec, Any]]:
+    """Its answer, and which rows may be active there (a mask): those whose multiplier is a share of their slack."""
+    n, m = p.F.shape[1], len(p.F)
+    top = float(np.abs(p.F * p.unit).max(initial=0.0)) or 1.0
     # unknowns [x / unit; r]: r = F x − f, so that nothing is squared
-    equal = np.block([[E * unit, np.zeros((len(E), m))], [F * unit / top, -np.eye(m)]])
-    within = np.vstack([c.C[up], -c.C[low]]) * unit
+    equal = np.block([[p.E * p.unit, np.zeros((len(p.E), m))], [p.F * p.unit / top, -np.eye(m)]])
     P = np.zeros((n + m, n + m))
     P[range(n, n + m), range(n, n + m)] = 1.0
-    rows = np.vstack([equal, np.hstack([within, np.zeros((len(within), m))])])
-    right = np.concatenate([e, f / top, c.cu[up], -c.cl[low]])
+    rows = np.vstack([equal, np.hstack([p.A * p.unit, np.zeros((len(p.A), m))])])
+    right = np.concatenate([p.e, p.f / top, p.a])
     length = np.maximum(np.abs(rows).max(axis=1), 1e-12)
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-11
     settings.max_iter = 200
-    cones = [clarabel.ZeroConeT(len(equal)), clarabel.NonnegativeConeT(len(within))]
+    cones = [clarabel.ZeroConeT(len(equal)), clarabel.NonnegativeConeT(len(p.A))]
     found = clarabel.DefaultSolver(
         csc_matrix(np.triu(P)), np.zeros(n + m), csc_matrix(rows / length[:, None]), right / length, cones, settings
     ).solve()
     if str(found.status) not in ("Solved", "AlmostSolved", "InsufficientProgress", "MaxIterations"):
-        return None
-    x = np.array(found.x)[:n] * unit
+        return
+    x = np.array(found.x)[:n] * p.unit
     z, s = np.array(found.z)[len(equal) :], np.array(found.s)[len(equal) :]
-    best: Optimum | None = None
     for share in (1.0, 1e-3, 1e3):
-        active = z > share * s
-        refined = _refined(F, f, E, e, within[active] / unit, np.concatenate([c.cu[up], -c.cl[low]])[active], x, unit)
-        if refined is None:
-            continue
-        if c.excess(refined[0]) <= 1e-7 and refined[1] and (np.abs(refined[0]) < FAR * unit).all():
-            best = Optimum(refined[0], True)
-            break
-    return best or (Optimum(x, False) if c.excess(x) <= FEASIBLE else None)
+        yield x, z > share * s
 
 
-def _refined(F: Mat, f: Vec, E: Mat, e: Vec, A: Mat, a: Vec, x: Vec, unit: Vec) -> tuple[Vec, bool] | None:
-    """From x the shortest step to the minimum with E and A as equations; whether A pushes the right way there."""
+def _by_nnls(p: _Problem, x: Vec) -> Iterator[tuple[Vec, Any]]:
+    """From x within the constraints: least distance problems (Lawson and Hanson, Solving Least Squares Problems, 1974,
+    chapter 23), each beside a millionth of the way from the one before, so that no direction is free."""
+    N = null_space(p.E * p.unit)
+    W, B = (p.F * p.unit) @ N, (p.A * p.unit) @ N
+    U, size, V = np.linalg.svd(W, full_matrices=True)
+    if not len(B) or not size.max(initial=0.0) > 0.0:
+        return
+    stretch = np.full(N.shape[1], 1e-6 * size.max())
+    stretch[: len(size)] = np.maximum(size, stretch[0])
+    for _ in range(4):
+        wanted = np.zeros(N.shape[1])
+        wanted[: len(size)] = (U.T @ (p.f - p.F @ x))[: len(size)]
+        wanted[: len(size)][size < stretch[: len(size)]] = 0.0
+        # z = V' (w + wanted) / stretch; B z ≤ room becomes G w ≥ h
+        G = -(B @ V.T) / stretch
+        h = -np.maximum(p.a - p.A @ x, 0.0) - G @ wanted
+        length = np.maximum(np.hypot(np.linalg.norm(G, axis=1), h), 1e-300)
+        M, goal = np.vstack([G.T, h]) / length, np.append(np.zeros(len(stretch)), 1.0)
+        try:
+            u, _ = nnls(M, goal, maxiter=30 * len(length))
+        except RuntimeError:
+            return
+        left = goal - M @ u
+        if not left[-1] > 0.0:
+            return
+        x = x + p.unit * (N @ (V.T @ ((wanted - left[:-1] / left[-1]) / stretch)))
+        yield x, u > 0.0
+
+
+def _refined(p: _Problem, active: Any, x: Vec) -> tuple[Vec, bool] | None:
+    """From x the shortest step to the minimum with the active rows as equations; whether these push the right way."""
+    E, F, f, unit = p.E, p.F, p.f, p.unit
+    A, a = p.A[active], p.a[active]
     try:
-        held, right = np.vstack([E, A]) * unit, np.append(e, a)
+        held, right = np.vstack([E, A]) * unit, np.append(p.e, a)
         length = np.maximum(np.linalg.norm(held, axis=1), 1e-12)
         held, right = held / length[:, None], right / length
         y = x / unit
-        for _ in range(2):
-            y = y + np.linalg.lstsq(held, right - held @ y, rcond=1e-11)[0]
         _, size, V = np.linalg.svd(held, full_matrices=True)
         rank = int((size > 1e-11 * size.max(initial=1.0)).sum())
         N, W = V[rank:].T, F * unit
         for _ in range(2):
+            y = y + np.linalg.lstsq(held, right - held @ y, rcond=1e-11)[0]
             y = y + N @ np.linalg.lstsq(W @ N, f - W @ y, rcond=1e-13)[0]
+        y = y + np.linalg.lstsq(held, right - held @ y, rcond=1e-11)[0]  # what rounding in N has left
         gradient = W.T @ (W @ y - f)
         force = np.linalg.lstsq(held.T, -gradient, rcond=1e-11)[0]
     except np.linalg.LinAlgError:
         return None
-    scale = np.abs(W).max(initial=0.0) * np.abs(W @ y - f).max(initial=0.0) + 1e-12
+    # Where nothing is left of the task, a gradient is rounding.
+    rounding = 1e-13 * (np.abs(W) @ np.abs(y) + np.abs(f)).max(initial=0.0)
+    scale = np.abs(W).max(initial=0.0) * (1e-8 * np.abs(W @ y - f).max(initial=0.0) + rounding) + 1e-20
     # multipliers of dependent rows are not unique: a wrong sign may be exchanged against others
     left = held.T @ force + gradient
     # E y = e has a solution. One that misses it by more than rounding has dropped a row that counts.
     missed = np.abs(held[: len(E)] @ y - right[: len(E)]) - 1e-13 * (np.abs(held) @ np.abs(y) + np.abs(right))[: len(E)]
-    if np.abs(left).max(initial=0.0) > 1e-8 * scale or (missed > 0.0).any():
+    if np.abs(left).max(initial=0.0) > scale or (missed > 0.0).any():
         return y * unit, False
-    if len(A) and force[len(E) :].min() < -1e-8 * scale:
-        from scipy.optimize import nnls
-
+    if len(A) and force[len(E) :].min() < -scale:
         free = held[: len(E)]
         columns = np.hstack([free.T, -free.T, held[len(E) :].T])
         try:
-            _, missed = nnls(columns, -gradient, maxiter=30 * columns.shape[1])
+            _, distance = nnls(columns, -gradient, maxiter=30 * columns.shape[1])
         except RuntimeError:
             return y * unit, False
-        return y * unit, bool(missed <= 1e-7 * scale)
+        return y * unit, bool(distance <= 10.0 * scale)
     return y * unit, True
 
 
@@ -267,7 +322,7 @@ def judge_weighted(p: Physical) -> Verdict:
     """One least squares problem of all tasks and the diagonal cost."""
     tasks = [task for level in p.levels for task in level]
     F, f = _stack(tasks, p)
-    best = least_squares(F, f, p.constraints, p.unit)
+    best = least_squares(F, f, p.constraints, p.unit, p.x)
     if best is None:
         return Verdict("undecided", "no reference")
     return _compare(p.x, best, tasks, F, f, "weighted")
@@ -327,7 +382,7 @@ def _judge_levels(p: Physical, levels: list[list[Rows]]) -> Verdict:
             roots = [np.sqrt(task.w / heaviest) for task in level]
             F = np.concatenate([root[:, None] * task.A for root, task in zip(roots, level, strict=True)])
             f = np.concatenate([root * task.b for root, task in zip(roots, level, strict=True)])
-        best, place = least_squares(F, f, c, p.unit), f"level {k + 1}"
+        best, place = least_squares(F, f, c, p.unit, x), f"level {k + 1}"
         verdict = Verdict("undecided", f"{place}: no reference") if best is None else _compare(
             x, best, level, F, f, place)  # fmt: skip
         if verdict.word == "wrong":

@@ -58,7 +58,7 @@ def by_an_oracle(controller: Controller) -> list[tuple[Vec, Vec]]:
         F = np.concatenate([np.sqrt(task.weights)[:, None] * J, np.diag(np.sqrt(D))])
         f = np.concatenate([np.sqrt(task.weights) * t, -damping.applied / np.sqrt(D) * rate * v])
         A = np.concatenate([np.zeros((0, n)), *above])
-        best = least_squares(F, f, Constraints(A, A @ p.x, np.eye(n), p.lb, p.ub), 1.0 + np.abs(p.x))
+        best = least_squares(F, f, Constraints(A, A @ p.x, np.eye(n), p.lb, p.ub), 1.0 + np.abs(p.x), p.x)
         assert best is not None and best.proved
         found.append((rows @ p.x1, J @ best.x - t))
         above.append(J)
