@@ -60,9 +60,9 @@ def rows_of_levels(problem: RowProblem) -> list[tuple[np.ndarray, np.ndarray]]:
 def cascade(problem: RowProblem, levels: list[tuple[np.ndarray, np.ndarray]]) -> list[float]:
     """The least that can be left of each level where those above come out as in the answer, r = A x − b an unknown.
 
-    Solved level by level by an interior point method that is not ours, ∞ where it finds no proven answer. The first
-    level has nothing above it, so if none is beyond its least, each is that of the exact cascade. Where a level above
-    were what the method itself finds, 3e-9 of it that rounding leaves open can be worth 1e-5 of the level below.
+    Solved level by level by methods that are not ours, ∞ where they find no proven answer. The first level has nothing
+    above it, so if none is beyond its least, each is that of the exact cascade. Where a level above were what a method
+    finds, 3e-9 of it that rounding leaves open can be worth 1e-5 of the level below.
     """
     n, G = problem.n, problem.G
     equal = np.concatenate([G[problem.base], G[problem.equal]])
@@ -73,7 +73,7 @@ def cascade(problem: RowProblem, levels: list[tuple[np.ndarray, np.ndarray]]) ->
     sides = np.append(low - offset, problem.lb), np.append(high - offset, problem.ub)
     for A, b in levels:
         kept = Constraints(np.concatenate(known), np.concatenate(right), bounded, *sides)
-        best = least_squares(A, b, kept, unit)
+        best = least_squares(A, b, kept.as_met_by(problem.x), unit, problem.x)
         exact = best is not None and best.proved and kept.excess(best.x) <= EXACT
         left.append(float(np.linalg.norm(A @ best.x - b)) if best is not None and exact else np.inf)
         known.append(A)
@@ -152,6 +152,12 @@ def test_a_level_whose_rows_hardly_move_is_certified_whatever_rounding_makes_of_
         pass  # it asserts that each tick is certified
 
 
+def test_a_limit_that_pushes_a_little_holds_its_level_back(humanoid: PinocchioModel) -> None:
+    """Seed 1124: thirty limits are held, one of them with a millionth of what others push; let go, it moves far."""
+    told, beyond = compare(humanoid, range(1124, 1125), ticks=1, every=1)
+    assert told == 3 and not beyond, beyond
+
+
 def test_soles_that_slide_or_tip_hardly_ever_leave_strict_levels_without_an_answer(humanoid: PinocchioModel) -> None:
     """Corners without force are where five rows of friction meet; rounding must not lead in circles."""
     rng, robot, without = generator("soles that slide or tip"), humanoid, 0
@@ -175,12 +181,8 @@ def test_soles_that_slide_or_tip_hardly_ever_leave_strict_levels_without_an_answ
 @pytest.mark.deep
 @pytest.mark.parametrize("name", ["quadruped", "humanoid"])
 def test_of_a_thousand_saturated_levels_at_most_one_has_more_left_than_the_least(name: str) -> None:
-    """On the humanoid one of 1577 has: a third level 1.5 % beyond, where hardly anything is left to decide.
-
-    One tick in some five thousand has no certificate: limits meet in a point, and what a limit pushes is zero but for
-    rounding.
-    """
+    """One tick in three thousand has no certificate: limits meet in a point, and what one pushes is rounding or not."""
     without = list[tuple[int, int]]()
     told, beyond = compare(wbc.load(name), range(1000, 1150), ticks=31, every=10, without=without)
-    assert told > 1200 and len(beyond) <= 1e-3 * told, beyond
+    assert told > 1700 and len(beyond) <= 1, beyond
     assert len(without) <= 2, without

@@ -15,7 +15,7 @@ from wbc.qp.answer import Counts
 from wbc.qp.certificate import Certificate
 from wbc.qp.lexicographic.compiled.rank import decide, prove
 from wbc.qp.lexicographic.compiled.space import FINDS
-from wbc.qp.lexicographic.compiled.stage import fill
+from wbc.qp.lexicographic.compiled.stage import conclude, fill
 from wbc.qp.lexicographic.function import _level, _row_problem
 from wbc.qp.lexicographic.levels import Levels, Report
 from wbc.qp.lexicographic.solver import LexicographicSolver
@@ -71,6 +71,26 @@ def test_an_answer_is_no_farther_from_the_least_than_its_certificate_says(family
             off = np.abs(residual(levels) - least)
             for name, place in levels.staged.parts[0].items():
                 assert off[place].max(initial=0.0) <= bounds[name] * (1.0 + 1e-6) + 1e-9
+
+
+def test_what_lower_levels_move_of_a_level_counts_in_its_certificate() -> None:
+    """They may move what holds it back by next to nothing, and that far."""
+    found = 0
+    for seed in range(20):
+        solver = LexicographicSolver(*rows_of(*random_hierarchy(seed)), budget=40)
+        assert solver.solve() in (Status.SOLVED, Status.INACCURATE)
+        staged, levels = solver.staged, solver.levels
+        p, rng = levels.problem, np.random.default_rng(seed)
+        before, moved = levels.report()(), 1e-3 * rng.normal(size=p.n_rows)
+        p.value[p.item(0) : p.item(p.n_rows)] += moved
+        conclude(staged.address)
+        for k in range(levels.began, levels.ended):
+            bounds = levels.report()()[k].certificate.bounds
+            for name, place in staged.parts[k].items():
+                most = np.abs(moved[staged.rows[k]][place]).max(initial=0.0)
+                assert bounds[name] >= most + before[k].certificate.bounds[name] * (1.0 - 1e-9) > 0.0
+                found += 1
+    assert found >= 20
 
 
 def test_every_level_that_is_decided_counts_once_and_takes_a_step_at_least() -> None:

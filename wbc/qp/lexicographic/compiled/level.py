@@ -10,11 +10,11 @@ point of the least is as good, and the levels below choose among them. What held
 
     Rᵀ λ = −W_Bᵀ (W z + a) [ − (z − c)_B ]
 
-A held item holds the level back where its push is more than rounding can make of it. The bound on the rounding goes
-through the same substitution as the push: it begins as the rounding of the level's rows times their residuals, and the
-share that rounding has of a row in this space times what the gradient is made of, and grows where R is nearly singular.
-A smaller push says nothing: where levels below want to move the item, they may, and this level loses no more than
-rounding.
+A held item holds the level back where its push is more than rounding can make of it: ‖R⁻¹ eᵢ‖ times the rounding of the
+gradient, which is that of the level's rows times their residuals, and the share that rounding has of a row in this
+space times what the gradient and the pushes that balance it are made of. A smaller push says nothing. A push that is
+not much larger may hold the level back: where levels below want to move the item, they may, unless this level loses
+more by it than counts.
 
 Which items are held says :mod:`~wbc.qp.lexicographic.compiled.search`.
 
@@ -24,9 +24,9 @@ of potentially conflicting linear constraints in robotics, 2015.
 
 from __future__ import annotations
 
-from math import sqrt
+from math import inf, sqrt
 
-from wbc.compiled import copy, part
+from wbc.compiled import copy, part, small_kernel
 from wbc.qp.lexicographic.compiled.space import (
     CORE,
     DECIDED,
@@ -40,6 +40,7 @@ from wbc.qp.lexicographic.compiled.space import (
     ROWS,
     STEPS,
     N,
+    Space,
     gradient_of_own,
     in_space,
     item_in_space,
@@ -206,6 +207,20 @@ def settle(at: int, rank: int, d: int) -> None:
             w.t[rank + c] += w.g[c]
 
 
+@small_kernel
+def beside_rounding(w: Space, i: int, rank: int, force: float, rounding: float) -> float:
+    """A force over ‖R⁻¹ eᵢ‖ times the rounding."""
+    square = 0.0
+    for j in range(i, rank):
+        x = 1.0 if j == i else 0.0
+        for c in range(i, j):
+            x -= w.B[j, c] * w.v[c]
+        w.v[j] = x / w.B[j, j]
+        square += w.v[j] ** 2
+    most = sqrt(square) * rounding
+    return force / most if most > 0.0 else 0.0
+
+
 @part
 def hold(at: int, dependent: float) -> None:
     """The least with the items of ``side`` held; what they push with.
@@ -240,21 +255,25 @@ def hold(at: int, dependent: float) -> None:
         square += w.missing[i] * w.missing[i]
     pull = sqrt(size * square) + sqrt(far)
     made_of = pull + sqrt(size) * (sqrt(dot(w.a, w.a, k)) + sqrt(size * dot(w.t, w.t, d)))
-    rounding += w.noise[0] * made_of
+    forces = 0.0
     counts = w.sizes[LAST] != 0 or worst > SHARP
     for i in range(rank - 1, -1, -1):
-        force, noise = w.step[i] - w.t[i] if w.sizes[LAST] else 0.0, rounding
+        force, w.rho[i] = w.step[i] - w.t[i] if w.sizes[LAST] else 0.0, 1.0
         for row in range(k):
             force -= w.A[row, i] * w.missing[row]
         for j in range(i + 1, rank):
             force -= w.B[j, i] * w.bound[j]
-            noise += abs(w.B[j, i]) * w.rho[j]
-        w.bound[i], w.rho[i] = force / w.B[i, i], noise / abs(w.B[i, i])
+            w.rho[i] += abs(w.B[j, i]) * w.rho[j]
+        w.bound[i], w.rho[i] = force / w.B[i, i], w.rho[i] / abs(w.B[i, i])
+        forces += w.bound[i] ** 2
+    rounding += w.noise[0] * (made_of + sqrt(forces))
     for i in range(rank):
         item, force = w.item[i], w.bound[i]
         place = place_of(s, item)
         w.push[item] = force / w.reach[i]
-        w.holds[i] = 1.0 if abs(force) > w.rho[i] else 0.0
+        # ``rho`` is no less than ‖R⁻¹ eᵢ‖, and at hand
+        is_far_more = abs(force) > w.rho[i] * rounding
+        w.holds[i] = inf if is_far_more else beside_rounding(w, i, rank, abs(force), rounding)
         if counts and -force * w.side[item] > CANCELS * pull and s.lower[place] != s.upper[place]:
             w.wrong[item] = -force * w.side[item]
     copy(w.t, w.z)

@@ -2,7 +2,8 @@
 
 A level is decided in the space that those above it leave (:mod:`~wbc.qp.lexicographic.compiled.search`), is certified
 (:mod:`~wbc.qp.lexicographic.compiled.proof`), and narrows the space for the next. What held it back while it was
-decided stays held, and may push either way from then on; else a lower level could leave the set where it is best.
+decided stays held, and may push either way from then on; else a lower level could leave the set where it is best. What
+pushed with little more than rounding is let go, unless a lower level takes from those above what counts.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ from wbc.qp.rows.compiled.equality import reduce_base
 from wbc.qp.rows.compiled.linear import clear
 from wbc.qp.rows.compiled.verify import ALONE
 from wbc.qp.rows.compiled.work import FAILED, INACCURATE, SOLVED, place_of, views
-from wbc.tolerances import MET, NEAR
+from wbc.tolerances import MET, NEAR, NOISE, ROUNDING
 from wbc.types import Index, Mat, Vec
 
 NOT_DECIDED, IS_MET, IS_LEAST = 0, 1, 2
@@ -127,25 +128,61 @@ def keeps(at: int, k: int) -> bool:
 
 
 @part
+def distant(at: int, k: int, off: float) -> None:
+    """Level k can be so far from its optimum; and the largest share that this is of what one of its rows asks."""
+    r = ranking(at)
+    far = 0.0
+    for row in range(r.level[k, 0], r.level[k, 1]):
+        if r.root[row] > 0.0:
+            far = max(far, off / r.root[row] / r.size[row])
+    r.found[k, 3], r.found[k, 4] = off, far if off < inf else inf
+
+
+@part
 def prove(at: int, k: int) -> None:
     """The certificate of level k, which was solved last."""
     r = ranking(at)
     w = space(r.sizes[SPACE])
     s = views(w.sizes[CORE])
     certify(r.sizes[SPACE])
-    off, far, square = w.proof[1], 0.0, 0.0
+    off, square = w.proof[1], 0.0
     first = s.sizes[0] + w.sizes[N] + 1
     for row in range(r.level[k, 0], r.level[k, 1]):
         square += (r.root[row] * s.value[first + row]) ** 2
-        if r.root[row] > 0.0:
-            far = max(far, off / r.root[row] / r.size[row])
+    r.found[k, 0], r.found[k, 1], r.found[k, 2] = IS_LEAST, sqrt(r.unit[k] * square), w.proof[0]
+    distant(at, k, off)
     for c in range(w.sizes[N] if w.sizes[LAST] else 0):  # tasks on joints are in the metric
         scale = s.scale[s.sizes[0] + c]
         r.pulled[c] = off * w.root[c] * scale
         if s.unit[0] * s.metric[c] > ALONE * s.numbers[0]:
-            far = max(far, r.pulled[c] / (1.0 + abs(s.value[s.sizes[0] + c]) * scale))
-    r.found[k, 0], r.found[k, 1], r.found[k, 2] = IS_LEAST, sqrt(r.unit[k] * square), w.proof[0]
-    r.found[k, 3], r.found[k, 4] = off, far if off < inf else inf
+            far = r.pulled[c] / (1.0 + abs(s.value[s.sizes[0] + c]) * scale)
+            r.found[k, 4] = max(r.found[k, 4], far if off < inf else inf)
+
+
+@part
+def keep(here: int, count: int, item: int) -> int:
+    """Item ``item`` holds a level back, as row ``count`` of those that narrow the space; how many there are then."""
+    w = space(here)
+    w.size[count] = item_in_space(here, item)
+    copy(w.R[item], w.C[count])
+    w.kept[item], w.loose[item] = 1.0, 0.0
+    return count + 1
+
+
+@part
+def tighten(at: int) -> bool:
+    """From the last good answer on, keep what may have held levels above back; whether there is any."""
+    r = ranking(at)
+    here = r.sizes[SPACE]
+    w = space(here)
+    copy(r.best, views(w.sizes[CORE]).value)
+    begin_here(here)
+    count = 0
+    for item in range(w.sizes[ITEMS]):
+        if w.loose[item] != 0.0:
+            count = keep(here, count, item)
+    narrow(here, count, DEPENDENT)
+    return count > 0
 
 
 @part
@@ -171,12 +208,10 @@ def hold(at: int, k: int) -> None:
         r.unmet[k] = 1.0
     if left > _SLIGHT and not is_damped:
         for i in range(w.sizes[HELD]):
-            if w.holds[i] != 0.0:
-                item = w.item[i]
-                w.size[count] = item_in_space(here, item)
-                copy(w.R[item], w.C[count])
-                w.kept[item] = 1.0
-                count += 1
+            if w.holds[i] > 1.0:
+                count = keep(here, count, w.item[i])
+            elif w.holds[i] > NOISE / ROUNDING:
+                w.loose[w.item[i]] = 1.0
         narrow(here, count, DEPENDENT)
         for i in range(own):
             whole = gradient_of_own(here, i)
@@ -214,7 +249,7 @@ def decide(at: int, k: int, begins: bool) -> int:
         return INACCURATE
     counts = w.sizes[LAST] != 0
     for i in range(w.sizes[HELD]):
-        counts = counts or w.holds[i] != 0.0
+        counts = counts or w.holds[i] > 1.0
     if counts:
         copy(w.side, r.sides[k])
     else:  # what holds nothing back would be moved to its bounds in the next tick, for nothing
@@ -255,7 +290,7 @@ def rank(at: int) -> int:
             break
         copy(s.value, r.best)
         qps += 1
-        if decide(at, k + 1, False) != SOLVED:
+        if decide(at, k + 1, False) != SOLVED and not (tighten(at) and decide(at, k + 1, False) == SOLVED):
             copy(r.best, s.value)
             break
         k += 1

@@ -41,6 +41,7 @@ class Space(NamedTuple):
     high: Annotated[Vec, "m"]
     side: Annotated[Vec, "m"]  # +1 held at its upper bound, −1 at its lower, 0 free
     kept: Annotated[Vec, "m"]  # 1 where an item held a level above back, and stays
+    loose: Annotated[Vec, "m"]  # 1 where an item may have held a level above back, and is let go
     idle: Annotated[Vec, "m"]  # 1 where an item cannot stop a step
     push: Annotated[Vec, "m"]  # what a held item pushes with, down from above
     wrong: Annotated[Vec, "m"]  # how much a held item pulls instead; −1 where a free one is beyond a bound
@@ -48,7 +49,7 @@ class Space(NamedTuple):
     bound: Annotated[Vec, "m"]  # where they are held
     reach: Annotated[Vec, "m"]  # their lengths in z
     item: Annotated[Index, "m"]  # which items they are
-    holds: Annotated[Vec, "m"]  # 1 where they hold the level back, in the order of elimination
+    holds: Annotated[Vec, "m"]  # pushes beside rounding, in the order of elimination: above 1 they hold the level back
     P: Annotated[Mat, "n, n"]  # reflections, row by row
     beta: Annotated[Vec, "n"]
     pivot: Annotated[Vec, "n"]  # what was left of each row when it was eliminated
@@ -342,6 +343,7 @@ def open_space(at: int, first: int) -> float:
         w.y0[i] = s.value[nu + i] = s.centre[i]
     clear(w.doubt)
     clear(w.kept)
+    clear(w.loose)
     for item in range(w.sizes[ITEMS]):
         if item < n:
             w.whole[item] = w.root[item]

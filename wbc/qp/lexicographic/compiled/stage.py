@@ -6,7 +6,18 @@ from math import sqrt
 from typing import Annotated, NamedTuple
 
 from wbc.compiled import Layout, carray, copy, floats, kernel, part
-from wbc.qp.lexicographic.compiled.rank import BEGAN, ENDED, IS_LEAST, IS_MET, LEVELS, NOT_DECIDED, QPS, WORK, ranking
+from wbc.qp.lexicographic.compiled.rank import (
+    BEGAN,
+    ENDED,
+    IS_LEAST,
+    IS_MET,
+    LEVELS,
+    NOT_DECIDED,
+    QPS,
+    WORK,
+    distant,
+    ranking,
+)  # fmt: skip
 from wbc.qp.rows.compiled.linear import clear, dot
 from wbc.qp.rows.compiled.search import answer
 from wbc.qp.rows.compiled.work import SOLVED, views
@@ -138,7 +149,8 @@ def fill(at: int) -> int:
 def conclude(at: int) -> None:
     """Write the answer where the source keeps its own, and what is left of the levels that were not decided alone.
 
-    The first level that was not met is hoped to be the next tick's.
+    What lower levels moved of one that was counts in its certificate. The first level that was not met is hoped to be
+    the next tick's.
     """
     s = stages(at)
     p, r = views(s.links[CORE_AT]), ranking(s.links[LEVELS_AT])
@@ -151,6 +163,10 @@ def conclude(at: int) -> None:
     last = r.sizes[LEVELS] - 1
     for k in range(last + 1):
         if r.sizes[BEGAN] <= k <= r.sizes[ENDED] and k < last:
+            moved = 0.0  # by the levels below
+            for row in range(r.level[k, 0], r.level[k, 1]):
+                moved += (r.root[row] * p.value[n + 1 + row]) ** 2
+            distant(s.links[LEVELS_AT], k, r.found[k, 3] + sqrt(moved))
             continue
         square, worst, far = 0.0, 0.0, 0.0
         for row in range(r.level[k, 0], r.level[k, 1]):
