@@ -45,7 +45,7 @@ def first_level(family, index: int) -> Levels:
 
 
 def certificate(levels: Levels) -> Certificate:
-    """The certificate of the first level at the y in memory."""
+    """The certificate of the first level at the y in memory; once, as it takes the memory of what decided the level."""
     prove(levels._ranking.address, 0)
     return Report(levels.staged, levels._report.copy(), None)()[0].certificate
 
@@ -61,10 +61,11 @@ def test_an_answer_is_no_farther_from_the_least_than_its_certificate_says(family
     """Whatever the answer is moved by, each row stays within the bound."""
     for index in range(25):
         levels = first_level(family, index)
-        p, rows = levels.problem, levels.staged.rows[0]
         least = residual(levels)
         assert certificate(levels).ok
         for size in (1e-5, 1e-2):
+            levels = first_level(family, index)
+            p, rows = levels.problem, levels.staged.rows[0]
             p.x[p.n_u :] += size * np.random.default_rng(index).normal(size=p.n_y)
             p.value[p.item(rows.start) : p.item(rows.stop)] = residual(levels)
             bounds = certificate(levels).bounds
