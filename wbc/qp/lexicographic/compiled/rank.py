@@ -47,10 +47,6 @@ from wbc.types import Index, Mat, Vec
 NOT_DECIDED, IS_MET, IS_LEAST = 0, 1, 2
 #: What a level above may lose to a level below, as a share of what is left of it, beside what counts as met.
 _LITTLE = 1e-5
-#: Residuals up to this are too small to say what they are orthogonal to.
-_SLIGHT = 1e-3
-#: A level's own rows count from their lengths in its space, or from this share of the whole length.
-_BARELY = 1e-4
 
 
 class Ranking(NamedTuple):
@@ -199,14 +195,15 @@ def hold(at: int, k: int) -> None:
     for i in range(own):
         r.left[first + i] = s.value[one + 1 + first + i]
         left = max(left, abs(r.left[first + i]))
+    dependent = HARDLY if left > MET else DEPENDENT
+    for i in range(own):  # rows are measured by their lengths here; of what is left of them, rounding does not count
         whole = gradient_of_own(here, i)
-        length = known_in_space(here, whole, left_by_rounding(w, whole), w.C[i])
-        w.rho[i] = max(length, _BARELY * whole)
+        rounding = left_by_rounding(w, whole)
+        w.rho[i] = max(known_in_space(here, whole, rounding, w.C[i]), rounding / dependent)
     if left <= MET:
         r.found[k, 0] = IS_MET
     elif not is_damped:
         r.unmet[k] = 1.0
-    if left > _SLIGHT and not is_damped:
         for i in range(w.sizes[HELD]):
             if w.holds[i] > 1.0:
                 count = keep(here, count, w.item[i])
@@ -220,7 +217,7 @@ def hold(at: int, k: int) -> None:
     for i in range(own):
         s.G[first + i, one] -= r.left[first + i]
         s.value[one + 1 + first + i] = 0.0
-    narrow(here, own, HARDLY if left > _SLIGHT else DEPENDENT)
+    narrow(here, own, dependent)
     begin_here(here)
 
 
