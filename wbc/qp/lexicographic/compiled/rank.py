@@ -287,7 +287,11 @@ def rank(at: int) -> int:
             break
         copy(s.value, r.best)
         qps += 1
-        if decide(at, k + 1, False) != SOLVED and not (tighten(at) and decide(at, k + 1, False) == SOLVED):
+        code = decide(at, k + 1, False)
+        if code != SOLVED and qps < r.sizes[BUDGET] and tighten(at):
+            qps += 1
+            code = decide(at, k + 1, False)
+        if code != SOLVED:
             copy(r.best, s.value)
             break
         k += 1
