@@ -1,4 +1,4 @@
-"""An oracle for controllers that shares no solver with them: HiGHS for feasibility, Clarabel and numpy for optima.
+"""An oracle for controllers that shares no solver with them: HiGHS for feasibility; Clarabel, NNLS, numpy for optima.
 
 It reads the rows that a plan has written (dynamics, contacts, limits, wanted accelerations) and nothing of how the
 library solves them. A hierarchy is checked level by level, given what the answer under test came to above: the level's

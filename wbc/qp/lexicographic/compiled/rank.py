@@ -113,7 +113,7 @@ def keeps(at: int, k: int) -> bool:
         for row in range(r.level[i, 0], r.level[i, 1]):
             before += (r.root[row] * r.left[row]) ** 2 * r.unit[i]
             now += (r.root[row] * (r.left[row] + rows[row])) ** 2 * r.unit[i]
-            if r.unmet[i] == 0.0 and not abs(rows[row]) <= NEAR:
+            if r.unmet[i] == 0.0 and not abs(rows[row]) <= MET:
                 return False
         if r.unmet[i] != 0.0 and not sqrt(now) - sqrt(before) <= _LITTLE * sqrt(before) + MET:
             return False
