@@ -220,8 +220,11 @@ def _by_clarabel(p: _Problem) -> Iterator[tuple[Vec, Any]]:
 
 
 def _by_nnls(p: _Problem, x: Vec) -> Iterator[tuple[Vec, Any]]:
-    """From x within the constraints: least distance problems (Lawson and Hanson, Solving Least Squares Problems, 1974,
-    chapter 23), each beside a millionth of the way from the one before, so that no direction is free."""
+    """Points from x within the constraints on, and which rows push there (a mask).
+
+    Least distance problems (Lawson and Hanson, Solving Least Squares Problems, 1974, chapter 23). Each has a small cost
+    on the distance from the point before, so that every direction has curvature.
+    """
     N = null_space(p.E * p.unit)
     W, B = (p.F * p.unit) @ N, (p.A * p.unit) @ N
     U, size, V = np.linalg.svd(W, full_matrices=True)

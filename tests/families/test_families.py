@@ -63,6 +63,12 @@ def test_no_answer_to_tasks_that_ask_for_almost_the_same_that_is_called_solved_i
     assert sum(row["right"] for row in table.values()) >= 1
 
 
+def test_tasks_that_ask_for_almost_the_same_are_scaled_and_optimised() -> None:
+    """What their directions differ by moves rows that are met by 2e-7 m/s², less than counts as met."""
+    control, decided, _ = next(twins.ticked(1141003441, 1))
+    assert decided.status.ok and judge(control, decided).word == "right"
+
+
 def test_rows_that_all_but_do_not_push_leave_the_levels_below_free(tmp_path: Path) -> None:
     """A humanoid in a wild state under Scaled, most unknowns at bounds, and a tree under Strict: a push of a millionth
     of what is left of a level is none. Kept, two rows of the tree left its posture 3.5 rad/s² from its optimum."""

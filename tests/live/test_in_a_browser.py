@@ -72,7 +72,7 @@ class Page:
 def watched(monkeypatch):
     """A function that lets an arm run, watched, for as long as somebody does something with its page.
 
-    asyncio refuses what another thread does to its loop in debug mode; otherwise it is lost or raises now and then.
+    In debug mode asyncio refuses each call into its loop from another thread. Otherwise such calls fail now and then.
     """
     monkeypatch.setenv("PYTHONASYNCIODEBUG", "1")
 

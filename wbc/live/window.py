@@ -71,10 +71,10 @@ class Window:
             message = self._line.recv()
             while "row" not in message:
                 if "ended" in message:
-                    self._in_loop(self._write(self._status, message["ended"]))
+                    self._in_loop(self._write(self._status, f"**{message['ended']}**"))
                     sleep(0.5)  # for the word to get there
                     return
-                self._in_loop(self._write(self._refused, f"refused: {message['refused']}"))
+                self._in_loop(self._write(self._refused, f"**refused:** {message['refused']}"))
                 message = self._line.recv()
             due = monotonic() + self._setup["period"]
             self._in_loop(self._show(message))
@@ -91,8 +91,8 @@ class Window:
         self._build_scene()
         self._build_controls()
 
-    async def _write(self, where: Any, words: str) -> None:
-        where.content = f"**{words}**"
+    async def _write(self, where: Any, markdown: str) -> None:
+        where.content = markdown
 
     async def _show(self, message: dict[str, Any]) -> None:
         with self._server.atomic():

@@ -75,7 +75,7 @@ def test_an_answer_is_no_farther_from_the_least_than_its_certificate_says(family
 
 
 def test_what_lower_levels_move_of_a_level_counts_in_its_certificate() -> None:
-    """They may move what holds it back by next to nothing, and that far."""
+    """They may move a limit that pushes with no more than rounding, and with it the rows of the level."""
     found = 0
     for seed in range(20):
         solver = LexicographicSolver(*rows_of(*random_hierarchy(seed)), budget=40)

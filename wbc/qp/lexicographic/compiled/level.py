@@ -12,9 +12,8 @@ point of the least is as good, and the levels below choose among them. What held
 
 A held item holds the level back where its push is more than rounding can make of it: ‖R⁻¹ eᵢ‖ times the rounding of the
 gradient, which is that of the level's rows times their residuals, and the share that rounding has of a row in this
-space times what the gradient and the pushes that balance it are made of. A smaller push says nothing. A push that is
-not much larger may hold the level back: where levels below want to move the item, they may, unless this level loses
-more by it than counts.
+space times what the gradient and the pushes that balance it are made of. A smaller push says nothing, and levels below
+may move the item. Of a push that is not much larger :mod:`~wbc.qp.lexicographic.compiled.rank` says what becomes.
 
 Which items are held says :mod:`~wbc.qp.lexicographic.compiled.search`.
 

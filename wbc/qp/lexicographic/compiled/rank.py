@@ -3,7 +3,8 @@
 A level is decided in the space that those above it leave (:mod:`~wbc.qp.lexicographic.compiled.search`), is certified
 (:mod:`~wbc.qp.lexicographic.compiled.proof`), and narrows the space for the next. What held it back while it was
 decided stays held, and may push either way from then on; else a lower level could leave the set where it is best. What
-pushed with little more than rounding is let go, unless a lower level takes from those above what counts.
+pushed with little more than rounding is let go. If a lower level then costs those above too much, it is decided again
+with all of this held.
 """
 
 from __future__ import annotations
@@ -125,7 +126,7 @@ def keeps(at: int, k: int) -> bool:
 
 @part
 def distant(at: int, k: int, off: float) -> None:
-    """Level k can be so far from its optimum; and the largest share that this is of what one of its rows asks."""
+    """Write down how far off its optimum level k can be, and the largest share of this in what one of its rows asks."""
     r = ranking(at)
     far = 0.0
     for row in range(r.level[k, 0], r.level[k, 1]):
@@ -156,7 +157,7 @@ def prove(at: int, k: int) -> None:
 
 
 @part
-def keep(here: int, count: int, item: int) -> int:
+def retain(here: int, count: int, item: int) -> int:
     """Item ``item`` holds a level back, as row ``count`` of those that narrow the space; how many there are then."""
     w = space(here)
     w.size[count] = item_in_space(here, item)
@@ -167,7 +168,7 @@ def keep(here: int, count: int, item: int) -> int:
 
 @part
 def tighten(at: int) -> bool:
-    """From the last good answer on, keep what may have held levels above back; whether there is any."""
+    """From the last good answer on, retain the items that may have held levels above back; whether there are any."""
     r = ranking(at)
     here = r.sizes[SPACE]
     w = space(here)
@@ -176,7 +177,7 @@ def tighten(at: int) -> bool:
     count = 0
     for item in range(w.sizes[ITEMS]):
         if w.loose[item] != 0.0:
-            count = keep(here, count, item)
+            count = retain(here, count, item)
     narrow(here, count, DEPENDENT)
     return count > 0
 
@@ -206,7 +207,7 @@ def hold(at: int, k: int) -> None:
         r.unmet[k] = 1.0
         for i in range(w.sizes[HELD]):
             if w.holds[i] > 1.0:
-                count = keep(here, count, w.item[i])
+                count = retain(here, count, w.item[i])
             elif w.holds[i] > NOISE / ROUNDING:
                 w.loose[w.item[i]] = 1.0
         narrow(here, count, DEPENDENT)

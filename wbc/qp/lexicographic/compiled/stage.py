@@ -149,8 +149,8 @@ def fill(at: int) -> int:
 def conclude(at: int) -> None:
     """Write the answer where the source keeps its own, and what is left of the levels that were not decided alone.
 
-    What lower levels moved of one that was counts in its certificate. The first level that was not met is hoped to be
-    the next tick's.
+    By how much lower levels moved the rows of a level that was decided alone counts in its certificate. The first level
+    that was not met is hoped to be the next tick's.
     """
     s = stages(at)
     p, r = views(s.links[CORE_AT]), ranking(s.links[LEVELS_AT])
