@@ -14,7 +14,7 @@ from tests.qp.lexicographic.hierarchies import random_hierarchy
 from wbc.qp.answer import Counts
 from wbc.qp.certificate import Certificate
 from wbc.qp.lexicographic.compiled.rank import decide, prove
-from wbc.qp.lexicographic.compiled.space import FINDS
+from wbc.qp.lexicographic.compiled.space import Size
 from wbc.qp.lexicographic.compiled.stage import conclude, fill
 from wbc.qp.lexicographic.function import _level, _row_problem
 from wbc.qp.lexicographic.levels import Levels, Report
@@ -110,7 +110,7 @@ def test_every_level_that_is_decided_counts_once_and_takes_a_step_at_least() -> 
 
 def test_the_working_set_that_the_core_finds_is_the_one_of_the_level() -> None:
     """Where guesses do not end, the core is asked, and as a rule once: what it holds is the next guess."""
-    finds = [int(first_level(family, i)._memory._arrays[-1][FINDS]) for family in FAMILIES for i in range(60)]
+    finds = [int(first_level(family, i)._memory._arrays[-1][Size.FINDS]) for family in FAMILIES for i in range(60)]
     asked = [count for count in finds if count > 0]
     assert len(asked) >= 15
     assert sum(count == 1 for count in asked) >= 0.85 * len(asked)

@@ -11,22 +11,10 @@ import numpy as np
 from wbc.compiled import Memory
 from wbc.qp.certificate import Bounds, Certificate
 from wbc.qp.lexicographic.compiled import rank
-from wbc.qp.lexicographic.compiled.rank import (
-    AT_ONCE,
-    BEGAN,
-    BUDGET,
-    ENDED,
-    FALLBACK,
-    IS_MET,
-    NOT_DECIDED,
-    QPS,
-    REPAIRED,
-    START,
-    WORK,
-)  # fmt: skip
+from wbc.qp.lexicographic.compiled.rank import IS_MET, NOT_DECIDED, Count
 from wbc.qp.lexicographic.compiled.rank import LAYOUT as RANKINGS
-from wbc.qp.lexicographic.compiled.space import CORE, FINDER, ITEMS, LONG, MOST, N
 from wbc.qp.lexicographic.compiled.space import LAYOUT as SPACES
+from wbc.qp.lexicographic.compiled.space import Size
 from wbc.qp.lexicographic.compiled.stage import CORE_AT, LEVELS_AT, conclude
 from wbc.qp.lexicographic.parts import Pull
 from wbc.qp.lexicographic.stages import StagedProblem, address_of
@@ -59,8 +47,8 @@ class Levels:
         finder = RowProblem(0, n, n_range=items, n_soft=rows, n_equal=0, rows=names, regularisation=0.0)
         self._finder = CoreSolver(finder)
         sizes = np.zeros(16, dtype=np.int64)
-        sizes[[N, ITEMS, CORE, MOST, LONG]] = n, items, self.core.address, rows, long
-        sizes[FINDER] = self._finder.address
+        sizes[[Size.N, Size.ITEMS, Size.CORE, Size.MOST, Size.LONG]] = n, items, self.core.address, rows, long
+        sizes[Size.FINDER] = self._finder.address
         space = SPACES.arrays(sizes)
         self._side, self._kept, self._push, self._memory = space.side, space.kept, space.push, Memory(*space)
         table, share = np.zeros((count, 6), dtype=np.int64), np.zeros(count)
@@ -111,14 +99,14 @@ class Levels:
             self.iterations = self.core.iterations
             if status.ok or budget == 1:
                 return status
-            self._one_by_one, work[QPS], work[WORK] = True, 1, self.iterations
-        work[START], work[BUDGET] = min(first, last - 1), budget
+            self._one_by_one, work[Count.QPS], work[Count.WORK] = True, 1, self.iterations
+        work[Count.START], work[Count.BUDGET] = min(first, last - 1), budget
         code = rank.rank(self._ranking.address)
-        self.began, self.ended, self.iterations = work.item(BEGAN), work.item(ENDED), work.item(WORK)
+        self.began, self.ended, self.iterations = work.item(Count.BEGAN), work.item(Count.ENDED), work.item(Count.WORK)
         counts = self.core.counts
-        counts.first += work.item(AT_ONCE)
-        counts.repaired += work.item(REPAIRED)
-        counts.fallback += work.item(FALLBACK)
+        counts.first += work.item(Count.AT_ONCE)
+        counts.repaired += work.item(Count.REPAIRED)
+        counts.fallback += work.item(Count.FALLBACK)
         if code == SOLVED:
             conclude(self.staged.address)
         return STATUS.get(code, Status.FAILED)

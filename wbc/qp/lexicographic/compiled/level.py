@@ -27,18 +27,7 @@ from math import inf, sqrt
 
 from wbc.compiled import copy, part, small_kernel
 from wbc.qp.lexicographic.compiled.space import (
-    CORE,
-    DECIDED,
-    FIRST,
-    FREE,
-    HELD,
-    INSIDE,
-    ITEMS,
-    LAST,
-    OWN,
-    ROWS,
-    STEPS,
-    N,
+    Size,
     Space,
     gradient_of_own,
     in_space,
@@ -64,13 +53,13 @@ _REFINED = 3
 def read_level(at: int) -> None:
     """W and a of the level, and how far items may go from where it begins."""
     w = space(at)
-    s = views(w.sizes[CORE])
-    n, first, own = w.sizes[N], w.sizes[FIRST], w.sizes[OWN]
-    for i in range(w.sizes[ROWS]):
+    s = views(w.sizes[Size.CORE])
+    n, first, own = w.sizes[Size.N], w.sizes[Size.FIRST], w.sizes[Size.OWN]
+    for i in range(w.sizes[Size.ROWS]):
         whole = gradient_of_own(at, i)
         rounding = left_by_rounding(w, whole)
         weight = w.weigh[i] if known_in_space(at, whole, rounding, w.W[i]) > 0.0 else 0.0
-        for c in range(n - w.sizes[FREE]):
+        for c in range(n - w.sizes[Size.FREE]):
             w.W[i, c] *= weight
         w.noise[1 + i] = rounding * weight
         if i < own:
@@ -81,12 +70,12 @@ def read_level(at: int) -> None:
         else:
             c = -1 - w.which[i - own]
             w.a[i] = -w.weigh[i] * (dot(s.X[c], w.y0, n) + s.X[c, n])
-    for item in range(w.sizes[ITEMS]):
+    for item in range(w.sizes[Size.ITEMS]):
         place = place_of(s, item)
         w.low[item], w.high[item] = s.lower[place] - w.value0[item], s.upper[place] - w.value0[item]
-        if w.sizes[INSIDE]:
+        if w.sizes[Size.INSIDE]:
             w.low[item], w.high[item] = min(w.low[item], 0.0), max(w.high[item], 0.0)
-    if w.sizes[LAST]:
+    if w.sizes[Size.LAST]:
         for c in range(n):
             w.g[c] = (s.centre[c] - w.y0[c]) / w.root[c]
         in_space(at, w.centre)
@@ -97,7 +86,7 @@ def hold_items(at: int, d: int, dependent: float) -> int:
     """The held items as B P = [R 0], and t such that they are at their bounds; how many there are."""
     w = space(at)
     count = 0
-    for item in range(w.sizes[ITEMS]):
+    for item in range(w.sizes[Size.ITEMS]):
         w.push[item] = w.wrong[item] = 0.0
         if w.side[item] != 0.0:
             reach = item_in_space(at, item)
@@ -118,7 +107,7 @@ def hold_items(at: int, d: int, dependent: float) -> int:
     for i in range(rank):
         w.t[i] = (w.bound[i] - dot(w.B[i], w.t, i)) / w.B[i, i]
     clear(w.t[rank:d])
-    w.sizes[HELD] = rank
+    w.sizes[Size.HELD] = rank
     return rank
 
 
@@ -126,12 +115,12 @@ def hold_items(at: int, d: int, dependent: float) -> int:
 def reduce(at: int, rank: int, d: int) -> None:
     """The rest of t in a level that has no curvature of its own: what decides its rows; nothing else moves."""
     w = space(at)
-    k = w.sizes[ROWS]
+    k = w.sizes[Size.ROWS]
     for i in range(k):
         w.size[i] = max(sqrt(dot(w.W[i], w.W[i], d)), w.noise[1 + i] / ROUNDING)
         w.v[i] = w.a[i] + dot(w.A[i], w.t, rank)
     decided = triangular(at, w.A, k, rank, d, ROUNDING)
-    w.sizes[DECIDED] = rank + decided
+    w.sizes[Size.DECIDED] = rank + decided
     for i in range(k):
         w.missing[i] = w.v[w.order[i]]
     if decided == k:
@@ -165,9 +154,9 @@ def settle(at: int, rank: int, d: int) -> None:
     Newton steps on (t, missing), as in :mod:`wbc.qp.rows.compiled.equality`.
     """
     w = space(at)
-    k = w.sizes[ROWS]
+    k = w.sizes[Size.ROWS]
     rest = d - rank
-    w.sizes[DECIDED] = rank
+    w.sizes[Size.DECIDED] = rank
     copy(w.step[rank:], w.t[rank:d])
     clear(w.missing)
     for i in range(k if k <= rest else 0):
@@ -227,9 +216,9 @@ def hold(at: int, dependent: float) -> None:
     Less those that depend on others: of whose length no more than the share ``dependent`` is left.
     """
     w = space(at)
-    s = views(w.sizes[CORE])
-    k, d = w.sizes[ROWS], w.sizes[N] - w.sizes[FREE]
-    w.sizes[STEPS] += 1
+    s = views(w.sizes[Size.CORE])
+    k, d = w.sizes[Size.ROWS], w.sizes[Size.N] - w.sizes[Size.FREE]
+    w.sizes[Size.STEPS] += 1
     rank = hold_items(at, d, dependent)
     copy(w.centre, w.step)
     for c in range(rank):
@@ -241,7 +230,7 @@ def hold(at: int, dependent: float) -> None:
         w.order[i] = i
     for c in range(rank):
         reflect_rows(w, w.A, 0, k, c, 0, d)
-    if w.sizes[LAST]:
+    if w.sizes[Size.LAST]:
         settle(at, rank, d)
         for c in range(d):
             far += (w.t[c] - w.step[c]) ** 2
@@ -255,9 +244,9 @@ def hold(at: int, dependent: float) -> None:
     pull = sqrt(size * square) + sqrt(far)
     made_of = pull + sqrt(size) * (sqrt(dot(w.a, w.a, k)) + sqrt(size * dot(w.t, w.t, d)))
     forces = 0.0
-    counts = w.sizes[LAST] != 0 or worst > SHARP
+    counts = w.sizes[Size.LAST] != 0 or worst > SHARP
     for i in range(rank - 1, -1, -1):
-        force, w.rho[i] = w.step[i] - w.t[i] if w.sizes[LAST] else 0.0, 1.0
+        force, w.rho[i] = w.step[i] - w.t[i] if w.sizes[Size.LAST] else 0.0, 1.0
         for row in range(k):
             force -= w.A[row, i] * w.missing[row]
         for j in range(i + 1, rank):
@@ -276,5 +265,5 @@ def hold(at: int, dependent: float) -> None:
         if counts and -force * w.side[item] > CANCELS * pull and s.lower[place] != s.upper[place]:
             w.wrong[item] = -force * w.side[item]
     copy(w.t, w.z)
-    for c in range(w.sizes[DECIDED] - 1, -1, -1):
+    for c in range(w.sizes[Size.DECIDED] - 1, -1, -1):
         reflect(w.z, w.P[c], w.beta[c], c, d)

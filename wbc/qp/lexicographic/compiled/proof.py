@@ -20,15 +20,8 @@ from math import inf, sqrt
 
 from wbc.compiled import copy, part, small_kernel
 from wbc.qp.lexicographic.compiled.space import (
-    CORE,
-    DECIDED,
     DEPENDENT,
-    FREE,
-    HELD,
-    ITEMS,
-    LAST,
-    ROWS,
-    N,
+    Size,
     Space,
     gradient_of_item,
     gradient_of_own,
@@ -61,9 +54,9 @@ def fit_pushes(at: int) -> None:
     Rounding gives items that nearly depend on others pushes of any sign. Without them the others balance it as well.
     """
     w = space(at)
-    s = views(w.sizes[CORE])
-    n, m = w.sizes[N], w.sizes[ITEMS]
-    d = n - w.sizes[FREE]
+    s = views(w.sizes[Size.CORE])
+    n, m = w.sizes[Size.N], w.sizes[Size.ITEMS]
+    d = n - w.sizes[Size.FREE]
     for _ in range(m):
         count, is_right = 0, True
         for item in range(m):
@@ -94,15 +87,15 @@ def fit_pushes(at: int) -> None:
 def certify(at: int) -> None:
     """Of the level solved last: what is beyond its bounds, and how far its rows can be off, ‖W (ỹ − ỹ*)‖."""
     w = space(at)
-    s = views(w.sizes[CORE])
-    n, k, free, rank = w.sizes[N], w.sizes[ROWS], w.sizes[FREE], w.sizes[HELD]
+    s = views(w.sizes[Size.CORE])
+    n, k, free, rank = w.sizes[Size.N], w.sizes[Size.ROWS], w.sizes[Size.FREE], w.sizes[Size.HELD]
     nu = s.sizes[0]
-    d, decided = n - free, w.sizes[DECIDED] - rank
+    d, decided = n - free, w.sizes[Size.DECIDED] - rank
     # the gradient, and what the pushes leave of it
     off, square, size, doubtful, pushes, gap = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for c in range(n):
         w.at[c] = (s.value[nu + c] - s.centre[c]) / w.root[c]
-        w.step[c] = w.at[c] if w.sizes[LAST] else 0.0
+        w.step[c] = w.at[c] if w.sizes[Size.LAST] else 0.0
     for i in range(k):
         row = w.order[i]
         gradient_of_own(at, row)
@@ -123,7 +116,7 @@ def certify(at: int) -> None:
         clear(w.idle)
         fit_pushes(at)
         rank = decided = 0
-    for item in range(w.sizes[ITEMS]):
+    for item in range(w.sizes[Size.ITEMS]):
         force = w.push[item] if w.side[item] != 0.0 else 0.0
         place = place_of(s, item)
         near = s.upper[place] - s.value[place] if force > 0.0 else s.value[place] - s.lower[place]
@@ -168,12 +161,12 @@ def certify(at: int) -> None:
     primal = 0.0
     for c in range(nu):
         primal = max(primal, s.value[c] - s.upper[c], s.lower[c] - s.value[c])
-    for item in range(w.sizes[ITEMS]):
+    for item in range(w.sizes[Size.ITEMS]):
         place = place_of(s, item)
         primal = max(primal, s.value[place] - s.upper[place], s.lower[place] - s.value[place])
     slope = max(sqrt(slope) - _ROUNDING * n * (sqrt(size * square) + pushes), 0.0)
     w.proof[0] = primal
-    if w.sizes[LAST]:
+    if w.sizes[Size.LAST]:
         w.proof[1] = sqrt((sqrt(off) + sqrt(rho)) ** 2 + slope**2) + sqrt(gap)
     else:
         w.proof[1] = sqrt(off) + min(sqrt(rho) + sqrt(gap + slope * reach), sqrt(size + doubtful) * reach)

@@ -9,6 +9,7 @@ with all of this held.
 
 from __future__ import annotations
 
+from enum import IntEnum
 from math import inf, sqrt
 from typing import Annotated, NamedTuple
 
@@ -16,19 +17,9 @@ from wbc.compiled import Layout, carray, copy, entry, floats, part
 from wbc.qp.lexicographic.compiled.proof import certify
 from wbc.qp.lexicographic.compiled.search import solve_level
 from wbc.qp.lexicographic.compiled.space import (
-    CORE,
     DEPENDENT,
-    FINDS,
-    FIRST,
     HARDLY,
-    HELD,
-    INSIDE,
-    ITEMS,
-    LAST,
-    OWN,
-    ROWS,
-    STEPS,
-    N,
+    Size,
     begin_here,
     gradient_of_own,
     item_in_space,
@@ -71,7 +62,9 @@ class Ranking(NamedTuple):
 #: What stands in ``sizes``: how many levels, rows, values and items there are, address of the space, first level to be
 #: tried and QPs allowed; first and last level that were decided, QPs, levels whose guess was right, was repaired, led
 #: nowhere, steps of all.
-LEVELS, TOTAL, VALUES, BOUNDED, SPACE, START, BUDGET, BEGAN, ENDED, QPS, AT_ONCE, REPAIRED, FALLBACK, WORK = range(14)
+Count = IntEnum(
+    "Count", "LEVELS TOTAL VALUES BOUNDED SPACE START BUDGET BEGAN ENDED QPS AT_ONCE REPAIRED FALLBACK WORK", start=0
+)
 LAYOUT = Layout(Ranking, count="sizes[0]", rows="sizes[1]", values="sizes[2]", m="sizes[3]")
 #: In a kernel: the arrays at an address.
 ranking = LAYOUT.views
@@ -81,24 +74,24 @@ ranking = LAYOUT.views
 def read(at: int, k: int) -> None:
     """The rows of level k, those that damp it or are the cost of u behind them, and the last tick's working set."""
     r = ranking(at)
-    w = space(r.sizes[SPACE])
-    s = views(w.sizes[CORE])
+    w = space(r.sizes[Count.SPACE])
+    s = views(w.sizes[Size.CORE])
     first, stop, count, column = r.level[k, 0], r.level[k, 1], r.level[k, 2], r.level[k, 3]
     rows = stop - first
-    w.sizes[FIRST], w.sizes[OWN] = first, rows
+    w.sizes[Size.FIRST], w.sizes[Size.OWN] = first, rows
     copy(r.root[first:], w.weigh[:rows])
     weights, wanted = carray(floats(r.level[k, 4]), count), carray(floats(r.level[k, 5]), count)
     for i in range(count):
         if weights[i] != 0.0:
             scale = s.scale[s.sizes[0] + column + i]
-            w.which[rows - w.sizes[OWN]], w.toward[rows - w.sizes[OWN]] = column + i, wanted[i] / scale
+            w.which[rows - w.sizes[Size.OWN]], w.toward[rows - w.sizes[Size.OWN]] = column + i, wanted[i] / scale
             w.weigh[rows] = sqrt(r.share[k] * weights[i] / r.unit[k]) * scale
             rows += 1
-    for c in range(s.sizes[0] if w.sizes[LAST] else 0):  # nothing is left out of the cost where u is eliminated
-        w.which[rows - w.sizes[OWN]] = -1 - c
+    for c in range(s.sizes[0] if w.sizes[Size.LAST] else 0):  # nothing is left out of the cost where u is eliminated
+        w.which[rows - w.sizes[Size.OWN]] = -1 - c
         w.weigh[rows] = sqrt(s.numbers[0] / r.unit[k])
         rows += 1
-    w.sizes[ROWS] = rows
+    w.sizes[Size.ROWS] = rows
     copy(r.sides[k], w.side)
 
 
@@ -106,9 +99,9 @@ def read(at: int, k: int) -> None:
 def keeps(at: int, k: int) -> bool:
     """Whether the levels above still have what they came to."""
     r = ranking(at)
-    w = space(r.sizes[SPACE])
-    s = views(w.sizes[CORE])
-    rows = s.value[s.sizes[0] + w.sizes[N] + 1 :]
+    w = space(r.sizes[Count.SPACE])
+    s = views(w.sizes[Size.CORE])
+    rows = s.value[s.sizes[0] + w.sizes[Size.N] + 1 :]
     for i in range(k):
         before, now = 0.0, 0.0
         for row in range(r.level[i, 0], r.level[i, 1]):
@@ -139,16 +132,16 @@ def distant(at: int, k: int, off: float) -> None:
 def prove(at: int, k: int) -> None:
     """The certificate of level k, which was solved last."""
     r = ranking(at)
-    w = space(r.sizes[SPACE])
-    s = views(w.sizes[CORE])
-    certify(r.sizes[SPACE])
+    w = space(r.sizes[Count.SPACE])
+    s = views(w.sizes[Size.CORE])
+    certify(r.sizes[Count.SPACE])
     off, square = w.proof[1], 0.0
-    first = s.sizes[0] + w.sizes[N] + 1
+    first = s.sizes[0] + w.sizes[Size.N] + 1
     for row in range(r.level[k, 0], r.level[k, 1]):
         square += (r.root[row] * s.value[first + row]) ** 2
     r.found[k, 0], r.found[k, 1], r.found[k, 2] = IS_LEAST, sqrt(r.unit[k] * square), w.proof[0]
     distant(at, k, off)
-    for c in range(w.sizes[N] if w.sizes[LAST] else 0):  # tasks on joints are in the metric
+    for c in range(w.sizes[Size.N] if w.sizes[Size.LAST] else 0):  # tasks on joints are in the metric
         scale = s.scale[s.sizes[0] + c]
         r.pulled[c] = off * w.root[c] * scale
         if s.unit[0] * s.metric[c] > ALONE * s.numbers[0]:
@@ -170,12 +163,12 @@ def retain(here: int, count: int, item: int) -> int:
 def tighten(at: int) -> bool:
     """From the last good answer on, retain the items that may have held levels above back; whether there are any."""
     r = ranking(at)
-    here = r.sizes[SPACE]
+    here = r.sizes[Count.SPACE]
     w = space(here)
-    copy(r.best, views(w.sizes[CORE]).value)
+    copy(r.best, views(w.sizes[Size.CORE]).value)
     begin_here(here)
     count = 0
-    for item in range(w.sizes[ITEMS]):
+    for item in range(w.sizes[Size.ITEMS]):
         if w.loose[item] != 0.0:
             count = retain(here, count, item)
     narrow(here, count, DEPENDENT)
@@ -189,10 +182,10 @@ def hold(at: int, k: int) -> None:
     What a damped level came to is not the least of its rows, so that nothing but the rows themselves has to be kept.
     """
     r = ranking(at)
-    w = space(r.sizes[SPACE])
-    s = views(w.sizes[CORE])
-    one, own, first, here = s.sizes[0] + w.sizes[N], w.sizes[OWN], w.sizes[FIRST], r.sizes[SPACE]
-    left, count, is_damped = 0.0, 0, w.sizes[ROWS] > own
+    w = space(r.sizes[Count.SPACE])
+    s = views(w.sizes[Size.CORE])
+    one, own, first, here = s.sizes[0] + w.sizes[Size.N], w.sizes[Size.OWN], w.sizes[Size.FIRST], r.sizes[Count.SPACE]
+    left, count, is_damped = 0.0, 0, w.sizes[Size.ROWS] > own
     for i in range(own):
         r.left[first + i] = s.value[one + 1 + first + i]
         left = max(left, abs(r.left[first + i]))
@@ -205,7 +198,7 @@ def hold(at: int, k: int) -> None:
         r.found[k, 0] = IS_MET
     elif not is_damped:
         r.unmet[k] = 1.0
-        for i in range(w.sizes[HELD]):
+        for i in range(w.sizes[Size.HELD]):
             if w.holds[i] > 1.0:
                 count = retain(here, count, w.item[i])
             elif w.holds[i] > NOISE / ROUNDING:
@@ -226,34 +219,36 @@ def hold(at: int, k: int) -> None:
 def decide(at: int, k: int, begins: bool) -> int:
     """Level k in the space that those above it leave; the first opens that space."""
     r = ranking(at)
-    w = space(r.sizes[SPACE])
-    s = views(w.sizes[CORE])
-    w.sizes[STEPS], w.sizes[FINDS], w.sizes[LAST], w.sizes[INSIDE] = 0, 0, k == r.sizes[LEVELS] - 1, not begins
+    w = space(r.sizes[Count.SPACE])
+    s = views(w.sizes[Size.CORE])
+    w.sizes[Size.STEPS], w.sizes[Size.FINDS] = 0, 0
+    w.sizes[Size.LAST], w.sizes[Size.INSIDE] = k == r.sizes[Count.LEVELS] - 1, not begins
     if begins:
-        for c in range(w.sizes[N]):
+        for c in range(w.sizes[Size.N]):
             w.root[c] = 1.0 / sqrt(s.metric[c])
-        w.sizes[FIRST] = r.level[k, 1]
-        if not reduce_base(w.sizes[CORE]):
+        w.sizes[Size.FIRST] = r.level[k, 1]
+        if not reduce_base(w.sizes[Size.CORE]):
             return FAILED
-        if not open_space(r.sizes[SPACE], w.sizes[FIRST]) <= NEAR:
+        if not open_space(r.sizes[Count.SPACE], w.sizes[Size.FIRST]) <= NEAR:
             return FAILED
     read(at, k)
-    code = solve_level(r.sizes[SPACE])
-    r.sizes[WORK] += w.sizes[STEPS]
-    r.sizes[FALLBACK if w.sizes[FINDS] else AT_ONCE if w.sizes[STEPS] == 1 else REPAIRED] += 1
+    code = solve_level(r.sizes[Count.SPACE])
+    r.sizes[Count.WORK] += w.sizes[Size.STEPS]
+    guessed = Count.AT_ONCE if w.sizes[Size.STEPS] == 1 else Count.REPAIRED
+    r.sizes[Count.FALLBACK if w.sizes[Size.FINDS] else guessed] += 1
     if code != SOLVED:
         return int(code)
     if not keeps(at, k):
         return INACCURATE
-    counts = w.sizes[LAST] != 0
-    for i in range(w.sizes[HELD]):
+    counts = w.sizes[Size.LAST] != 0
+    for i in range(w.sizes[Size.HELD]):
         counts = counts or w.holds[i] > 1.0
     if counts:
         copy(w.side, r.sides[k])
     else:  # what holds nothing back would be moved to its bounds in the next tick, for nothing
         clear(r.sides[k])
-    if w.sizes[LAST]:  # what held a level back is one value in the last problem
-        for item in range(w.sizes[ITEMS]):
+    if w.sizes[Size.LAST]:  # what held a level back is one value in the last problem
+        for item in range(w.sizes[Size.ITEMS]):
             if w.kept[item] != 0.0:
                 place = place_of(s, item)
                 s.lower[place] = s.upper[place] = s.value[place]
@@ -267,34 +262,34 @@ def rank(at: int) -> int:
     What stands above the first is hoped to be met. ``found`` tells of those that were decided.
     """
     r = ranking(at)
-    last, k, qps = r.sizes[LEVELS] - 1, r.sizes[START], r.sizes[QPS]
+    last, k, qps = r.sizes[Count.LEVELS] - 1, r.sizes[Count.START], r.sizes[Count.QPS]
     clear(r.unmet)
     while True:
         qps += 1
         code = decide(at, k, True)
-        if code == SOLVED or k == 0 or qps >= r.sizes[BUDGET]:
+        if code == SOLVED or k == 0 or qps >= r.sizes[Count.BUDGET]:
             break
         k -= 1
-    r.sizes[BEGAN], r.sizes[QPS] = k, qps
+    r.sizes[Count.BEGAN], r.sizes[Count.QPS] = k, qps
     if code != SOLVED:
         return int(code)
-    s = views(space(r.sizes[SPACE]).sizes[CORE])
+    s = views(space(r.sizes[Count.SPACE]).sizes[Size.CORE])
     while True:
         prove(at, k)
         if k == last:
             break
         hold(at, k)
-        if qps >= r.sizes[BUDGET]:
+        if qps >= r.sizes[Count.BUDGET]:
             break
         copy(s.value, r.best)
         qps += 1
         code = decide(at, k + 1, False)
-        if code != SOLVED and qps < r.sizes[BUDGET] and tighten(at):
+        if code != SOLVED and qps < r.sizes[Count.BUDGET] and tighten(at):
             qps += 1
             code = decide(at, k + 1, False)
         if code != SOLVED:
             copy(r.best, s.value)
             break
         k += 1
-    r.sizes[ENDED], r.sizes[QPS] = k, qps
+    r.sizes[Count.ENDED], r.sizes[Count.QPS] = k, qps
     return SOLVED

@@ -12,19 +12,9 @@ from math import inf, sqrt
 from wbc.compiled import copy, part, small_kernel
 from wbc.qp.lexicographic.compiled.level import hold, read_level
 from wbc.qp.lexicographic.compiled.space import (
-    CORE,
-    DECIDED,
     DEPENDENT,
-    FINDER,
-    FINDS,
-    FREE,
     HARDLY,
-    INSIDE,
-    ITEMS,
-    LAST,
-    ROWS,
-    STEPS,
-    N,
+    Size,
     Space,
     begin_here,
     go,
@@ -69,8 +59,8 @@ def broken(w: Space, s: Work, item: int) -> float:
 def guess_set(at: int) -> bool:
     """Hold, verify, exchange: whether that ends with nothing wrong."""
     w = space(at)
-    s = views(w.sizes[CORE])
-    m = w.sizes[ITEMS]
+    s = views(w.sizes[Size.CORE])
+    m = w.sizes[Size.ITEMS]
     fewest, chances = m + 1, _CHANCES
     for item in range(m):
         far = w.high[item] if w.side[item] > 0.0 else w.low[item]
@@ -113,20 +103,20 @@ def find(at: int, heavy: float) -> int:
     there is no point within all bounds.
     """
     w = space(at)
-    m, d, k = w.sizes[ITEMS], w.sizes[N] - w.sizes[FREE], w.sizes[ROWS]
-    q = views(w.sizes[FINDER])
+    m, d, k = w.sizes[Size.ITEMS], w.sizes[Size.N] - w.sizes[Size.FREE], w.sizes[Size.ROWS]
+    q = views(w.sizes[Size.FINDER])
     q.sizes[0], q.sizes[1], q.sizes[2], q.sizes[3], q.sizes[4] = 0, d, m, k, 0
     q.sizes[5] = IN_ROWS if k < d else VARIABLES
-    q = views(w.sizes[FINDER])
+    q = views(w.sizes[Size.FINDER])
     weight = 1.0
-    if not w.sizes[LAST]:
+    if not w.sizes[Size.LAST]:
         longest = 0.0
         for i in range(k):
             longest = max(longest, dot(w.W[i], w.W[i], d))
         weight = heavy / longest if longest > 0.0 else heavy
     for c in range(d):
         q.lower[c], q.upper[c], q.side[c] = -inf, inf, 0.0
-        q.centre[c], q.metric[c], q.scale[c] = w.centre[c] if w.sizes[LAST] else 0.0, 1.0, 1.0
+        q.centre[c], q.metric[c], q.scale[c] = w.centre[c] if w.sizes[Size.LAST] else 0.0, 1.0, 1.0
     q.value[d], q.lower[d], q.upper[d] = 1.0, -inf, inf
     for item in range(m):
         item_in_space(at, item)
@@ -140,9 +130,9 @@ def find(at: int, heavy: float) -> int:
         q.G[m + i, d] = w.a[i]
         q.lower[d + 1 + m + i] = q.upper[d + 1 + m + i] = 0.0
         q.given[i] = weight
-    code = answer_near(w.sizes[FINDER])
-    w.sizes[STEPS] += q.sizes[7] + q.sizes[8]
-    w.sizes[FINDS] += 1
+    code = answer_near(w.sizes[Size.FINDER])
+    w.sizes[Size.STEPS] += q.sizes[7] + q.sizes[8]
+    w.sizes[Size.FINDS] += 1
     if code == INACCURATE and q.proof[0] <= NEAR:
         code = SOLVED  # any point will do
     copy(q.value, w.at[:d])
@@ -166,14 +156,14 @@ def room_of(w: Space, item: int, ahead: float, d: int) -> float:
 def nearest(at: int) -> float:
     """The step from ``at`` to the nearest least of the working set; its square. What decides nothing does not move."""
     w = space(at)
-    d = w.sizes[N] - w.sizes[FREE]
+    d = w.sizes[Size.N] - w.sizes[Size.FREE]
     for c in range(d):
         w.step[c] = w.z[c] - w.at[c]
-    for c in range(w.sizes[DECIDED]):
+    for c in range(w.sizes[Size.DECIDED]):
         reflect(w.step, w.P[c], w.beta[c], c, d)
-    if not w.sizes[LAST]:
-        clear(w.step[w.sizes[DECIDED] : d])
-    for c in range(w.sizes[DECIDED] - 1, -1, -1):
+    if not w.sizes[Size.LAST]:
+        clear(w.step[w.sizes[Size.DECIDED] : d])
+    for c in range(w.sizes[Size.DECIDED] - 1, -1, -1):
         reflect(w.step, w.P[c], w.beta[c], c, d)
     return dot(w.step, w.step, d)
 
@@ -182,12 +172,12 @@ def nearest(at: int) -> float:
 def gains(at: int) -> bool:
     """Whether the level feels the step: by more than rounding of its rows, or of the last level's distance."""
     w = space(at)
-    d = w.sizes[N] - w.sizes[FREE]
+    d = w.sizes[Size.N] - w.sizes[Size.FREE]
     gain, size = 0.0, 1.0
-    for i in range(w.sizes[ROWS]):
+    for i in range(w.sizes[Size.ROWS]):
         gain = max(gain, abs(dot(w.W[i], w.step, d)))
         size = max(size, abs(w.a[i] + dot(w.W[i], w.at, d)))
-    for c in range(d if w.sizes[LAST] else 0):
+    for c in range(d if w.sizes[Size.LAST] else 0):
         gain, size = max(gain, abs(w.step[c])), max(size, abs(w.at[c]))
     return bool(gain > CANCELS * size)
 
@@ -197,9 +187,9 @@ def cost_of(at: int, d: int) -> float:
     """What the level minimises, at ``at``, twice."""
     w = space(at)
     cost = 0.0
-    for i in range(w.sizes[ROWS]):
+    for i in range(w.sizes[Size.ROWS]):
         cost += (w.a[i] + dot(w.W[i], w.at, d)) ** 2
-    for c in range(d if w.sizes[LAST] else 0):
+    for c in range(d if w.sizes[Size.LAST] else 0):
         cost += (w.at[c] - w.centre[c]) ** 2
     return float(cost)
 
@@ -212,16 +202,16 @@ def stopped(at: int, falls: bool) -> bool:
     index, while the cost does not fall.
     """
     w = space(at)
-    d = w.sizes[N] - w.sizes[FREE]
+    d = w.sizes[Size.N] - w.sizes[Size.FREE]
     length = sqrt(dot(w.step, w.step, d))
     limit = 1.0
-    for item in range(w.sizes[ITEMS]):
+    for item in range(w.sizes[Size.ITEMS]):
         if w.idle[item] == 0.0:
             ahead = dot(w.R[item], w.step, d)
             if abs(ahead) > CANCELS * w.whole[item] * length:
                 limit = min(limit, (room_of(w, item, ahead, d) + near_of(w, item)) / abs(ahead))
     found, squarest, share, side = -1, 0.0, 1.0, 0.0
-    for item in range(w.sizes[ITEMS]):
+    for item in range(w.sizes[Size.ITEMS]):
         if w.idle[item] == 0.0:
             ahead = dot(w.R[item], w.step, d)
             square = abs(ahead) / w.whole[item] if w.whole[item] > 0.0 else 0.0
@@ -251,8 +241,8 @@ def descend(at: int) -> bool:
     programming, Mathematical Programming 18, 1980.
     """
     w = space(at)
-    s = views(w.sizes[CORE])
-    m, d = w.sizes[ITEMS], w.sizes[N] - w.sizes[FREE]
+    s = views(w.sizes[Size.CORE])
+    m, d = w.sizes[Size.ITEMS], w.sizes[Size.N] - w.sizes[Size.FREE]
     go(at, w.at)
     for item in range(m):
         item_in_space(at, item)
@@ -304,20 +294,20 @@ def solve_level(at: int) -> int:
         else:  # from the set that led nowhere the core finds the same
             clear(w.side)
         code = find(at, heavy)
-        if code == INFEASIBLE and not w.sizes[INSIDE]:
+        if code == INFEASIBLE and not w.sizes[Size.INSIDE]:
             return code
         if code != SOLVED:
             heavy *= _LESS
             continue
         go(at, w.at)
         begin_here(at)
-        w.sizes[INSIDE] = 1
+        w.sizes[Size.INSIDE] = 1
         read_level(at)
         copy(w.side, w.held)
         if guess_set(at):
             return SOLVED
         heavy = min(heavy * _MORE, 1.0 / DEPENDENT)
-    if not w.sizes[INSIDE]:
+    if not w.sizes[Size.INSIDE]:
         return code
     copy(w.held, w.side)
     clear(w.at)

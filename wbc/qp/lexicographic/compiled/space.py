@@ -9,6 +9,7 @@ turned by them; rows with next to nothing left depend on those before.
 
 from __future__ import annotations
 
+from enum import IntEnum
 from math import copysign, sqrt
 from typing import Annotated, NamedTuple
 
@@ -90,11 +91,11 @@ class Space(NamedTuple):
 
 #: What stands in ``sizes``: n, m, k of this level, its first row in G, 1 for the last level, 1 where it begins within
 #: all bounds, columns of V that are not free, held items, columns that are decided, address of the core's memory, k and
-#: l of the memory, steps, and how many of the k rows stand in G. Those behind them damp unknowns, one each, while the
-#: level is decided. Last the address of the memory of a core for
-#: problems in z, and how often it was asked.
-N, ITEMS, ROWS, FIRST, LAST, INSIDE, FREE, HELD, DECIDED, CORE, MOST, LONG, STEPS, OWN = range(14)
-FINDER, FINDS = range(14, 16)
+#: l of the memory, steps, how many of the k rows stand in G (those behind them damp unknowns, one each, while the level
+#: is decided), the address of the memory of a core for problems in z, and how often it was asked.
+Size = IntEnum(
+    "Size", "N ITEMS ROWS FIRST LAST INSIDE FREE HELD DECIDED CORE MOST LONG STEPS OWN FINDER FINDS", start=0
+)
 
 
 LAYOUT = Layout(Space, n="sizes[0]", m="sizes[1]", k="sizes[10]", l="sizes[11]")
@@ -183,8 +184,8 @@ def gradient_of_row(at: int, row: int) -> float:
     A row of which the base takes all but rounding is zero: without contacts no torque moves the centre of mass.
     """
     w = space(at)
-    s = views(w.sizes[CORE])
-    n = w.sizes[N]
+    s = views(w.sizes[Size.CORE])
+    n = w.sizes[Size.N]
     reduced(s, s.G[row], w.g)
     drop_rounding(s, w.g)
     square, size = 0.0, 0.0
@@ -202,7 +203,7 @@ def gradient_of_row(at: int, row: int) -> float:
 @small_kernel
 def gradient_of_item(w: Space, item: int) -> None:
     """That of an item."""
-    n = w.sizes[N]
+    n = w.sizes[Size.N]
     for c in range(n):
         w.g[c] = w.E[item - n, c] if item >= n else 0.0
     if item < n:
@@ -213,14 +214,14 @@ def gradient_of_item(w: Space, item: int) -> None:
 def gradient_of_own(at: int, i: int) -> float:
     """That of row i of the level, which stands in G or is about one unknown."""
     w = space(at)
-    own = w.sizes[OWN]
+    own = w.sizes[Size.OWN]
     if i < own:
-        return gradient_of_row(at, w.sizes[FIRST] + i)
+        return gradient_of_row(at, w.sizes[Size.FIRST] + i)
     c = w.which[i - own]
     if c >= 0:
         gradient_of_item(w, c)
         return float(w.root[c])
-    s, n = views(w.sizes[CORE]), w.sizes[N]
+    s, n = views(w.sizes[Size.CORE]), w.sizes[Size.N]
     for j in range(n):
         w.g[j] = -w.root[j] * s.X[-1 - c, j]
     return sqrt(dot(w.g, w.g, n))
@@ -229,9 +230,9 @@ def gradient_of_own(at: int, i: int) -> float:
 @small_kernel
 def value_of_own(w: Space, s: Work, i: int) -> float:
     """What row i of the level comes to in ``value``."""
-    nu, own = s.sizes[0], w.sizes[OWN]
+    nu, own = s.sizes[0], w.sizes[Size.OWN]
     if i < own:
-        return float(s.value[nu + w.sizes[N] + 1 + w.sizes[FIRST] + i])
+        return float(s.value[nu + w.sizes[Size.N] + 1 + w.sizes[Size.FIRST] + i])
     c = w.which[i - own]
     return float(s.value[nu + c] - w.toward[i - own] if c >= 0 else s.value[-1 - c])
 
@@ -240,7 +241,7 @@ def value_of_own(w: Space, s: Work, i: int) -> float:
 def in_space(at: int, out: Vec) -> float:
     """out = V₊ᵀ g; its length."""
     w = space(at)
-    n, free = w.sizes[N], w.sizes[FREE]
+    n, free = w.sizes[Size.N], w.sizes[Size.FREE]
     clear(out[: n - free])
     for i in range(n):
         if w.g[i] != 0.0:
@@ -255,9 +256,9 @@ def left_by_rounding(w: Space, whole: float) -> float:
     A column is known the less well the more nearly the row that it was made of depended on those before.
     """
     square = (NOISE * whole) ** 2
-    for j in range(w.sizes[FREE]):
+    for j in range(w.sizes[Size.FREE]):
         if w.blur[j] > DEPENDENT:
-            square += (w.blur[j] * dot(w.V[:, j], w.g, w.sizes[N])) ** 2
+            square += (w.blur[j] * dot(w.V[:, j], w.g, w.sizes[Size.N])) ** 2
     return sqrt(square)
 
 
@@ -268,7 +269,7 @@ def known_in_space(at: int, whole: float, rounding: float, out: Vec) -> float:
     length = in_space(at, out)
     if length <= max(DEPENDENT * whole, rounding):
         length = 0.0
-        clear(out[: w.sizes[N] - w.sizes[FREE]])
+        clear(out[: w.sizes[Size.N] - w.sizes[Size.FREE]])
     return length
 
 
@@ -286,21 +287,21 @@ def item_in_space(at: int, item: int) -> float:
 def go(at: int, z: Vec) -> None:
     """y = y₀ + √D⁻¹ V₊ z, u, and every row."""
     w = space(at)
-    s = views(w.sizes[CORE])
-    n, free = w.sizes[N], w.sizes[FREE]
+    s = views(w.sizes[Size.CORE])
+    n, free = w.sizes[Size.N], w.sizes[Size.FREE]
     for i in range(n):
         s.value[s.sizes[0] + i] = w.y0[i] + w.root[i] * dot(w.V[i, free:], z, n - free)
-    evaluate(w.sizes[CORE])
+    evaluate(w.sizes[Size.CORE])
 
 
 @part
 def begin_here(at: int) -> None:
     """The space begins where ``value`` is."""
     w = space(at)
-    s = views(w.sizes[CORE])
-    for i in range(w.sizes[N]):
+    s = views(w.sizes[Size.CORE])
+    for i in range(w.sizes[Size.N]):
         w.y0[i] = s.value[s.sizes[0] + i]
-    for item in range(w.sizes[ITEMS]):
+    for item in range(w.sizes[Size.ITEMS]):
         w.value0[item] = s.value[place_of(s, item)]
 
 
@@ -308,15 +309,15 @@ def begin_here(at: int) -> None:
 def narrow(at: int, m: int, tolerance: float) -> int:
     """Keep only what the m rows in ``C`` leave, and turn V; how many of them did not depend on others."""
     w = space(at)
-    n, free = w.sizes[N], w.sizes[FREE]
+    n, free = w.sizes[Size.N], w.sizes[Size.FREE]
     rank = triangular(at, w.C, m, 0, n - free, tolerance)
     for k in range(rank):
         w.doubt[free + k] = 1.0 if w.pivot[k] <= w.noise[0] else 0.0
         w.blur[free + k] = NOISE / w.pivot[k]
     for k in range(rank):
         reflect_rows(w, w.V, 0, n, k, free, n - free)
-    w.sizes[FREE] = free + rank
-    for item in range(w.sizes[ITEMS]):
+    w.sizes[Size.FREE] = free + rank
+    for item in range(w.sizes[Size.ITEMS]):
         w.span[item] = -1.0
     return rank
 
@@ -329,8 +330,8 @@ def open_space(at: int, first: int) -> float:
     depending on one another.
     """
     w = space(at)
-    s = views(w.sizes[CORE])
-    n, rows = w.sizes[N], len(s.G)
+    s = views(w.sizes[Size.CORE])
+    n, rows = w.sizes[Size.N], len(s.G)
     nu = s.sizes[0]
     square = 0.0
     for j in range(nu):
@@ -344,16 +345,16 @@ def open_space(at: int, first: int) -> float:
     clear(w.doubt)
     clear(w.kept)
     clear(w.loose)
-    for item in range(w.sizes[ITEMS]):
+    for item in range(w.sizes[Size.ITEMS]):
         if item < n:
             w.whole[item] = w.root[item]
         else:
             w.whole[item] = gradient_of_row(at, place_of(s, item) - nu - n - 1)
             copy(w.g, w.E[item - n])
-    w.sizes[FREE] = 0
+    w.sizes[Size.FREE] = 0
     w.noise[0] = ROUNDING
     m = rows - first
-    evaluate(w.sizes[CORE])
+    evaluate(w.sizes[Size.CORE])
     for i in range(m):
         w.size[i] = gradient_of_row(at, first + i)
         w.rho[i] = s.value[nu + n + 1 + first + i]
@@ -365,7 +366,7 @@ def open_space(at: int, first: int) -> float:
     for i in range(n):
         w.y0[i] += w.root[i] * dot(w.V[i], w.z, rank)
         s.value[nu + i] = w.y0[i]
-    evaluate(w.sizes[CORE])
+    evaluate(w.sizes[Size.CORE])
     begin_here(at)
     worst = 0.0
     for i in range(first, rows):

@@ -6,18 +6,7 @@ from math import sqrt
 from typing import Annotated, NamedTuple
 
 from wbc.compiled import Layout, carray, copy, floats, kernel, part
-from wbc.qp.lexicographic.compiled.rank import (
-    BEGAN,
-    ENDED,
-    IS_LEAST,
-    IS_MET,
-    LEVELS,
-    NOT_DECIDED,
-    QPS,
-    WORK,
-    distant,
-    ranking,
-)  # fmt: skip
+from wbc.qp.lexicographic.compiled.rank import IS_LEAST, IS_MET, NOT_DECIDED, Count, distant, ranking
 from wbc.qp.rows.compiled.linear import clear, dot
 from wbc.qp.rows.compiled.search import answer
 from wbc.qp.rows.compiled.work import SOLVED, views
@@ -87,9 +76,9 @@ def divide(s: Stages, i: int) -> None:
 def weigh(s: Stages) -> int:
     """Weights of the rows of each level, over the largest; the first that is damped, or the last."""
     p, r = views(s.links[CORE_AT]), ranking(s.links[LEVELS_AT])
-    last = r.sizes[LEVELS] - 1
-    damped = r.sizes[BEGAN] = r.sizes[ENDED] = last
-    for i in range(QPS, WORK + 1):
+    last = r.sizes[Count.LEVELS] - 1
+    damped = r.sizes[Count.BEGAN] = r.sizes[Count.ENDED] = last
+    for i in range(Count.QPS, Count.WORK + 1):
         r.sizes[i] = 0
     for k in range(last, -1, -1):
         largest = 0.0
@@ -160,9 +149,9 @@ def conclude(at: int) -> None:
         s.value[s.pulls[i, 1]] /= s.scale[s.pulls[i, 1]]
     for i in range(len(s.G)):
         s.value[few + 1 + i] = dot(s.G[i], s.value, few + 1)
-    last = r.sizes[LEVELS] - 1
+    last = r.sizes[Count.LEVELS] - 1
     for k in range(last + 1):
-        if r.sizes[BEGAN] <= k <= r.sizes[ENDED] and k < last:
+        if r.sizes[Count.BEGAN] <= k <= r.sizes[Count.ENDED] and k < last:
             moved = 0.0  # by the levels below
             for row in range(r.level[k, 0], r.level[k, 1]):
                 moved += (r.root[row] * p.value[n + 1 + row]) ** 2
@@ -178,17 +167,17 @@ def conclude(at: int) -> None:
         for c in range(len(p.metric) if k == last else 0):
             square += r.unit[k] * p.metric[c] * (p.value[n - len(p.metric) + c] - p.centre[c]) ** 2
         r.found[k, 1] = sqrt(square)
-        if k < r.sizes[BEGAN]:
+        if k < r.sizes[Count.BEGAN]:
             r.found[k, 0], r.found[k, 1], r.found[k, 2], r.found[k, 3], r.found[k, 4] = IS_MET, 0.0, worst, -1.0, far
         else:
-            r.found[k, 0] = NOT_DECIDED if k > r.sizes[ENDED] else IS_LEAST
+            r.found[k, 0] = NOT_DECIDED if k > r.sizes[Count.ENDED] else IS_LEAST
     r.worst[0] = r.worst[1] = 0.0
-    for k in range(r.sizes[ENDED] + (0 if r.sizes[BEGAN] == last else 1)):
+    for k in range(r.sizes[Count.ENDED] + (0 if r.sizes[Count.BEGAN] == last else 1)):
         for i in range(2):
             number = r.found[k, 2 + 2 * i]
             r.worst[i] = r.worst[i] if number <= r.worst[i] else number
-    hope = r.sizes[BEGAN]
-    while hope < min(r.sizes[ENDED] + 1, last) and r.found[hope, 0] == IS_MET:
+    hope = r.sizes[Count.BEGAN]
+    while hope < min(r.sizes[Count.ENDED] + 1, last) and r.found[hope, 0] == IS_MET:
         hope += 1
     s.links[HOPE] = hope
 
@@ -199,7 +188,7 @@ def hoped(at: int) -> int:
 
     RANKED: in the last tick a level above was not met, or one is damped now, and that one has to be decided by itself.
     """
-    last = ranking(stages(at).links[LEVELS_AT]).sizes[LEVELS] - 1
+    last = ranking(stages(at).links[LEVELS_AT]).sizes[Count.LEVELS] - 1
     damped = fill(at)
     links = stages(at).links
     links[FIRST] = min(links[HOPE], damped)
