@@ -211,9 +211,9 @@ def _limits() -> Iterator[tuple[str, Callable[[], object], tuple[str, ...]]]:
         lambda: control(subject_to=[T.TorqueLimits()]),
         ("TorqueLimits", "torque", "velocity level"),
     )
-    intervals = JointIntervals(("a", "b"), 1e-3)
+    intervals, first = JointIntervals([], arm(), 1e-3), arm().joint_names[0]
     yield "bounds on another quantity", lambda: intervals.replace("jurk", -1.0, 1.0), ("jurk",)
-    yield "bounds replaced by crossed ones", lambda: intervals.replace("position", 1.0, -1.0), ("'a'", "1 > upper -1")
+    yield "bounds replaced by crossed ones", lambda: intervals.replace("position", 1.0, -1.0), (first, "1 > upper -1")
     yield "bounds replaced by nan", lambda: intervals.replace("velocity", NAN, 1.0), ("velocity.lower", "nan")
 
 

@@ -208,7 +208,7 @@ def assert_evaluated_as_called(motion, make, times):
 
     stacks = [Stack([make(target)]) for target in (motion, other)]
     state, plans = ARM.state(), [AccelerationLevel().compile(ARM, stack, dt=1e-3) for stack in stacks]
-    assert not plans[0]._bound._tasks.moving, "the motion is evaluated by compiled code"
+    assert not plans[0]._bound.moving, "the motion is evaluated by compiled code"
     for t in times:
         state.update(t, ARM.q0, np.ones(ARM.nv))
         for plan in plans:

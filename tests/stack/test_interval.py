@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -20,10 +21,17 @@ SEEDS = st.integers(0, 2**32 - 1)
 LEVELS = ("acceleration", "velocity")
 
 
+def unlimited(n: int, dt: float, braking: float | None = None) -> JointIntervals:
+    """Of n joints without limits; ``braking`` is what a constraint on positions says."""
+    model: Any = SimpleNamespace(nj=n, joint_names=tuple(f"joint {i}" for i in range(n)), joint_units=("rad",) * n)
+    none: Any = SimpleNamespace(quantity="position", name="", braking=braking, bounds=lambda _: (-np.inf, np.inf))
+    return JointIntervals([none], model, dt)
+
+
 def random_intervals(rng: np.random.Generator, n: int = 100) -> JointIntervals:
     """Limits over many magnitudes: none, equal positions, zero velocities, hard and soft accelerations."""
     braking = rng.choice([None, 3.0])
-    intervals = JointIntervals(tuple(f"joint {i}" for i in range(n)), 10 ** rng.uniform(-3.5, -1.5), braking=braking)
+    intervals = unlimited(n, 10 ** rng.uniform(-3.5, -1.5), braking)
 
     def some(share: float) -> Any:
         return rng.random(n) < share
@@ -129,7 +137,7 @@ def test_whatever_is_chosen_inside_keeps_every_limit_for_ever(level: str, habit:
 @given(SEEDS)
 def test_with_velocity_limits_alone_the_next_tick_may_be_at_the_limit(seed: int):
     rng = np.random.default_rng(seed)
-    intervals = JointIntervals.compose([JointVelocityLimits()], ARM, dt=1e-3)
+    intervals = JointIntervals([JointVelocityLimits()], ARM, dt=1e-3)
     v_max = ARM.limits.v_max
     v = rng.uniform(-1, 1, ARM.nj) * v_max
     lower, upper = bounds(intervals, "acceleration", rng.normal(size=ARM.nj), v)
@@ -145,7 +153,7 @@ def test_velocities_within_positions_and_velocities_alone_are_bounded_by_the_nea
     rng = np.random.default_rng(seed)
     dt, up = 0.01, rng.uniform(0.1, 1.0, ARM.nj)
     positions = JointPositionLimits(lower=-up) if mirrored else JointPositionLimits(lower=-np.inf, upper=up)
-    intervals = JointIntervals.compose([positions, JointVelocityLimits(up)], ARM, dt)
+    intervals = JointIntervals([positions, JointVelocityLimits(up)], ARM, dt)
     q = rng.uniform(-0.5, 0.5, ARM.nj) * up
     for start in (q, np.r_[up[0] * (1.0 - near * dt), q[1:]], q):
         lower, upper = bounds(intervals, "velocity", -start if mirrored else start, rng.normal(size=ARM.nj))
@@ -177,7 +185,7 @@ def test_from_outside_a_joint_is_back_in_the_time_that_braking_and_returning_tak
     constraints: list[Any] = [JointPositionLimits(lower=-1.0, upper=1.0), JointVelocityLimits(2.0)]
     if a_max is not None:
         constraints.append(JointAccelerationLimits(a_max))
-    intervals = JointIntervals.compose(constraints, ARM, dt=1e-3)
+    intervals = JointIntervals(constraints, ARM, dt=1e-3)
     side, B, v_max = (1.0 if above else -1.0), a_max or BRAKING, 2.0
     q, v = np.full(ARM.nj, side * (1.0 + distance)), np.full(ARM.nj, side * speed)
     furthest = distance + max(speed, 0.0) ** 2 / (2 * B)
@@ -194,9 +202,7 @@ def test_from_outside_a_joint_is_back_in_the_time_that_braking_and_returning_tak
 
 @given(st.floats(1e-6, 1.0), st.sampled_from([0.5, np.inf]))
 def test_from_outside_a_velocity_leads_straight_back(distance: float, v_max: float):
-    intervals = JointIntervals.compose(
-        [JointPositionLimits(lower=-1.0, upper=1.0), JointVelocityLimits(v_max)], ARM, dt=1e-2
-    )
+    intervals = JointIntervals([JointPositionLimits(lower=-1.0, upper=1.0), JointVelocityLimits(v_max)], ARM, dt=1e-2)
     q, speed = np.full(ARM.nj, 1.0 + distance), min(v_max, RETURN_SPEED)
     for _ in range(int(np.ceil(distance / speed / 1e-2 - 1e-6)) + 1):
         lower, upper = bounds(intervals, "velocity", q, np.zeros(ARM.nj))
@@ -206,7 +212,7 @@ def test_from_outside_a_velocity_leads_straight_back(distance: float, v_max: flo
 
 
 def test_a_joint_of_equal_limits_stays_and_comes_to_stay():
-    intervals = JointIntervals.compose([JointPositionLimits(lower=0.3, upper=0.3)], ARM, dt=1e-3)
+    intervals = JointIntervals([JointPositionLimits(lower=0.3, upper=0.3)], ARM, dt=1e-3)
     held = np.full(ARM.nj, 0.3)
     for level in LEVELS:
         for bound in bounds(intervals, level, held, np.zeros(ARM.nj)):
@@ -221,7 +227,7 @@ def test_a_joint_of_equal_limits_stays_and_comes_to_stay():
 @pytest.mark.parametrize(("braking", "expected"), [(2.0, 2.0), (None, 50.0)])
 def test_braking_is_as_gentle_as_asked(braking: float | None, expected: float):
     constraints = [JointPositionLimits(lower=-1.0, upper=1.0, braking=braking), JointAccelerationLimits(50.0)]
-    intervals = JointIntervals.compose(constraints, ARM, dt=1e-3)
+    intervals = JointIntervals(constraints, ARM, dt=1e-3)
     q, v, hardest = np.zeros(ARM.nj), np.zeros(ARM.nj), 0.0
     for _ in range(3000):
         q, v, a = step("acceleration", q, v, bounds(intervals, "acceleration", q, v)[1], 1e-3)
@@ -231,7 +237,7 @@ def test_braking_is_as_gentle_as_asked(braking: float | None, expected: float):
 
 
 def test_constraints_on_the_same_quantity_intersect():
-    intervals = JointIntervals.compose([JointVelocityLimits(1.0), JointVelocityLimits(0.5, name="slow")], ARM, dt=1e-3)
+    intervals = JointIntervals([JointVelocityLimits(1.0), JointVelocityLimits(0.5, name="slow")], ARM, dt=1e-3)
     lower, upper = bounds(intervals, "velocity", np.zeros(ARM.nj), np.zeros(ARM.nj))
     assert (lower == -0.5).all() and (upper == 0.5).all()
 
@@ -239,11 +245,11 @@ def test_constraints_on_the_same_quantity_intersect():
 def test_constraints_that_leave_a_joint_nothing_are_refused_by_its_name():
     constraints = [JointPositionLimits(lower=-1.0, upper=0.0), JointPositionLimits(lower=0.5, upper=1.0, name="other")]
     with pytest.raises(InvalidInput, match=f"other: joint '{ARM.joint_names[0]}' is left no position"):
-        JointIntervals.compose(constraints, ARM, dt=1e-3)
+        JointIntervals(constraints, ARM, dt=1e-3)
 
 
 def test_bounds_may_be_replaced_between_ticks_and_come_back():
-    intervals = JointIntervals.compose([JointVelocityLimits(1.0)], ARM, dt=1e-3)
+    intervals = JointIntervals([JointVelocityLimits(1.0)], ARM, dt=1e-3)
     zero = np.zeros(ARM.nj)
     before = bounds(intervals, "acceleration", zero, zero)
     intervals.replace("velocity", -0.1, np.full(ARM.nj, 0.2))
@@ -268,7 +274,7 @@ def test_bounds_may_be_replaced_between_ticks_and_come_back():
     ],
 )
 def test_bounds_that_make_no_sense_are_refused_and_change_nothing(arguments: Any, said: str):
-    intervals = JointIntervals.compose([JointVelocityLimits(1.0)], ARM, dt=1e-3)
+    intervals = JointIntervals([JointVelocityLimits(1.0)], ARM, dt=1e-3)
     with pytest.raises(InvalidInput, match=said):
         intervals.replace(*arguments)
     lower, upper = bounds(intervals, "velocity", np.zeros(ARM.nj), np.zeros(ARM.nj))
@@ -287,11 +293,11 @@ def test_bounds_that_make_no_sense_are_refused_and_change_nothing(arguments: Any
 )
 def test_a_bound_knows_the_quantity_it_comes_from(q: float, v: float, upper: bool, cause: str):
     constraints = [JointPositionLimits(lower=-1.0, upper=1.0), JointVelocityLimits(2.0), JointAccelerationLimits(100.0)]
-    intervals = JointIntervals.compose(constraints, ARM, dt=1e-3)
+    intervals = JointIntervals(constraints, ARM, dt=1e-3)
     bound = bounds(intervals, "acceleration", np.full(ARM.nj, q), np.full(ARM.nj, v))[upper][3]
     assert intervals.cause(3, bound, upper=upper) == cause
 
 
 def test_dt_must_be_positive():
     with pytest.raises(InvalidInput, match="dt is 0"):
-        JointIntervals.compose([JointVelocityLimits()], ARM, dt=0.0)
+        JointIntervals([JointVelocityLimits()], ARM, dt=0.0)

@@ -17,7 +17,7 @@ CONSTRAINTS = [JointPositionLimits(), JointVelocityLimits()]
 
 def bounds(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     lower, upper = np.empty(ARM.nj), np.empty(ARM.nj)
-    JointIntervals.compose(CONSTRAINTS, ARM, DT).write(1, q, np.zeros(ARM.nj), lower, upper)
+    JointIntervals(CONSTRAINTS, ARM, DT).write(1, q, np.zeros(ARM.nj), lower, upper)
     return lower, upper
 
 

@@ -12,7 +12,7 @@ from wbc.stack.interval import JointIntervals
 from wbc.testing import robots
 from wbc.types import Vec
 
-from .test_interval import ARM, LEVELS, beyond, bounds, limits, step
+from .test_interval import ARM, LEVELS, beyond, bounds, limits, step, unlimited
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -20,7 +20,7 @@ SEEDS = st.integers(0, 2**32 - 1)
 def intervals_with_jerk(rng: np.random.Generator, n: int = 60) -> JointIntervals:
     """Joints at rest amid ranges of 1 cm to 10 rad; braking takes half a tick to 1000 ticks to set in."""
     dt = 10 ** rng.uniform(-3.5, -2)
-    intervals = JointIntervals(tuple(f"joint {i}" for i in range(n)), dt)
+    intervals = unlimited(n, dt)
     half = 0.5 * 10 ** rng.uniform(-2, 1, n)
     B = 10 ** rng.uniform(0, 2, n)
     v_max = np.where(rng.random(n) < 0.2, np.inf, 10 ** rng.uniform(-1, 1, n))
@@ -63,7 +63,7 @@ def test_from_rest_whatever_is_chosen_keeps_jerk_and_all_other_limits(level: str
 @pytest.mark.parametrize("level", LEVELS)
 def test_a_joint_still_gets_to_its_limits(level: str):
     constraints = [JointPositionLimits(lower=-1.0, upper=1.0), JointVelocityLimits(2.0), JointJerkLimits(200.0)]
-    intervals = JointIntervals.compose(constraints, ARM, dt=1e-3)
+    intervals = JointIntervals(constraints, ARM, dt=1e-3)
     q, v, fastest = np.zeros(ARM.nj), np.zeros(ARM.nj), 0.0
     for _ in range(4000):
         q, v, a = step(level, q, v, bounds(intervals, level, q, v)[1], 1e-3)
@@ -101,8 +101,8 @@ def test_bounds_are_never_wider_than_without_jerk_limits(seed: int, level: str):
 def test_joints_without_a_jerk_limit_are_as_they_were():
     first = ARM.joint_names[0]
     constraints = [JointPositionLimits(lower=-1.0, upper=1.0), JointVelocityLimits(2.0)]
-    free = JointIntervals.compose(constraints, ARM, dt=1e-3)
-    one = JointIntervals.compose([*constraints, JointJerkLimits({first: 100.0})], ARM, dt=1e-3)
+    free = JointIntervals(constraints, ARM, dt=1e-3)
+    one = JointIntervals([*constraints, JointJerkLimits({first: 100.0})], ARM, dt=1e-3)
     q, v = np.full(ARM.nj, 0.95), np.full(ARM.nj, 0.5)
     for with_one, without in zip(bounds(one, "acceleration", q, v), bounds(free, "acceleration", q, v), strict=True):
         np.testing.assert_array_equal(with_one[1:], without[1:])
@@ -110,7 +110,7 @@ def test_joints_without_a_jerk_limit_are_as_they_were():
 
 
 def test_the_last_acceleration_can_be_forgotten():
-    intervals = JointIntervals.compose([JointJerkLimits(100.0)], ARM, dt=1e-3)
+    intervals = JointIntervals([JointJerkLimits(100.0)], ARM, dt=1e-3)
     zero = np.zeros(ARM.nj)
     intervals.remember(zero + 5.0)
     np.testing.assert_allclose(bounds(intervals, "acceleration", zero, zero), (zero + 4.9, zero + 5.1))
@@ -119,7 +119,7 @@ def test_the_last_acceleration_can_be_forgotten():
 
 
 def test_a_bound_that_keeps_jerk_says_so():
-    intervals = JointIntervals.compose([JointVelocityLimits(2.0), JointJerkLimits(100.0)], ARM, dt=1e-3)
+    intervals = JointIntervals([JointVelocityLimits(2.0), JointJerkLimits(100.0)], ARM, dt=1e-3)
     _, upper = bounds(intervals, "acceleration", np.zeros(ARM.nj), np.zeros(ARM.nj))
     assert intervals.cause(0, upper[0], upper=True) == "jerk"
 
@@ -153,7 +153,7 @@ def test_a_bound_that_falls_is_followed_while_it_falls(seed: int):
     T = dt + B / j
     u = rng.uniform(0.3, 0.99) * min(v_max, -B * T + np.sqrt((B * T) ** 2 + 2.0 * B * room))
     expected = approach(room, u, B, v_max, j, dt)
-    intervals = JointIntervals(("joint",), dt)
+    intervals = unlimited(1, dt)
     for quantity, limit in (("position", 10.0), ("velocity", v_max), ("acceleration", B), ("jerk", j)):
         intervals.replace(quantity, -limit, limit)
     q = 10.0 - room - 0.5 * u * dt

@@ -35,7 +35,7 @@ class Applied:
 
     def __init__(
         self, model: RobotModel, level: Level, binding: Binding, contacts: Sequence[Contact], *,
-        intervals: JointIntervals, torque: _Bounds,
+        intervals: JointIntervals,
     ) -> None:  # fmt: skip
         self._model, self._level, self._binding = model, level, binding
         order = {contact.name: i for i, contact in enumerate(contacts)}
@@ -45,7 +45,7 @@ class Applied:
         self._own_motion = {quantity: intervals.bounds(quantity) for quantity in QUANTITIES[1:]}
         self._motion = dict(self._own_motion)
         intervals.seal()
-        self._own_torque = torque
+        self._own_torque = torque = intervals.bounds("torque")
         self._torque = torque[0].copy(), torque[1].copy()
         #: Bounds on the torques (lower, upper), (nj,) each.
         self.torque_bounds = _read_only(self._torque[0]), _read_only(self._torque[1])

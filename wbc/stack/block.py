@@ -234,7 +234,7 @@ class _IntervalRows:
         self._limit, self._model = limit, model
         self.on = "torque" if limit.quantity == "torque" else ""
         if not self.on:
-            self._intervals, self._order = JointIntervals.compose([limit], model, dt), order
+            self._intervals, self._order = JointIntervals([limit], model, dt), order
 
     def fill(self, state: RobotState, out: ConstraintRows) -> None:
         out.A[:] = np.eye(out.A.shape[1])[-len(out.A) :]

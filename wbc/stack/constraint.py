@@ -18,10 +18,7 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from typing import Any, ClassVar, Literal, final
 
-import numpy as np
-
 from wbc import checks
-from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.member import EFFORTS, Member
 from wbc.stack.objective import Objective
@@ -80,31 +77,6 @@ class TorqueBySpeed(JointInterval):
     @abstractmethod
     def narrow(self, v: Vec, lower: Vec, upper: Vec) -> None:
         """Narrow torque bounds (nj,) in place for joint velocities v (nj,); 0 stays inside."""
-
-
-def torque_bounds(limits: Sequence[JointInterval], model: RobotModel) -> tuple[Vec, Vec]:
-    """What these limits together leave each joint's torque: lower and upper bounds (nj,) [N m, N].
-
-    Raises:
-        InvalidInput: the limits of a joint exclude each other.
-
-    Example:
-        >>> import wbc
-        >>> from wbc.tasks import TorqueLimits
-        >>> from wbc.stack.constraint import torque_bounds
-        >>> low, high = torque_bounds([TorqueLimits()], wbc.load("arm"))
-        >>> bool((low < 0.0).all() and (high > 0.0).all())
-        True
-    """
-    low, high = np.full(model.nj, -np.inf), np.full(model.nj, np.inf)
-    for limit in limits:
-        limit_low, limit_high = limit.bounds(model)
-        np.maximum(low, limit_low, out=low)
-        np.minimum(high, limit_high, out=high)
-    if not (low <= high).all():
-        i = int(np.argmin(low <= high))
-        raise InvalidInput(f"joint {model.joint_names[i]!r} is left no torque: lower {low[i]:g} > upper {high[i]:g}")
-    return low, high
 
 
 class BarrierRows:

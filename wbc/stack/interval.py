@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any, Self, final
+from typing import Any, final
 
 import numpy as np
 
@@ -62,7 +62,7 @@ class JointIntervals:
         >>> from wbc.tasks import JointVelocityLimits
         >>> from wbc.stack.interval import JointIntervals
         >>> robot = wbc.load("arm")
-        >>> intervals = JointIntervals.compose([JointVelocityLimits(2.0)], robot, dt=0.01)
+        >>> intervals = JointIntervals([JointVelocityLimits(2.0)], robot, dt=0.01)
         >>> lower, upper = np.empty(robot.nj), np.empty(robot.nj)
         >>> intervals.write(2, np.zeros(robot.nj), np.full(robot.nj, 1.5), lower, upper)
         >>> lower[0].round(6), upper[0].round(6)
@@ -72,16 +72,14 @@ class JointIntervals:
     # Arrays hold both sides, one behind the other: the upper limit, and the lower one seen in a mirror, so that one
     # formula does for both: limit − value >= 0 on either. Their memory never moves: the formulas are compiled.
 
-    def __init__(
-        self, joint_names: tuple[str, ...], dt: float, *, joint_units: tuple[str, ...] | None = None,
-        braking: float | None = None,
-    ) -> None:  # fmt: skip
+    def __init__(self, constraints: Iterable[JointInterval], model: RobotModel, dt: float) -> None:
+        """Of constraints on positions, velocities, accelerations and jerks; those on one quantity intersect."""
+        constraints = list(constraints)
         self.dt = checks.number("dt", dt, low=0.0, strict=True)
-        self.joint_names = joint_names
-        self.joint_units = ("rad",) * len(joint_names) if joint_units is None else joint_units
-        self._braking = braking
-        shape = (2, len(joint_names))
-        self._limits = {quantity: np.full(shape, np.inf) for quantity in _QUANTITIES}
+        self.joint_names, self.joint_units = model.joint_names, model.joint_units
+        self._braking = min((one.braking for one in constraints if one.braking is not None), default=None)
+        shape = (2, model.nj)
+        self._limits = {quantity: np.full(shape, np.inf) for quantity in (*_QUANTITIES, "torque")}
         nj = shape[1]
         # Constants of the compiled formulas and what these leave, a quantity in each row, in the order of the kernel.
         numbers = np.zeros((16, 2 * nj))
@@ -94,6 +92,11 @@ class JointIntervals:
         #: For compiled code.
         self.memory = self._flags, numbers, self._last, np.array([self.dt])
         self._memory = Memory(self._order, self._now, *self.memory)
+        for constraint in constraints:
+            lower, upper = constraint.bounds(model)
+            limit = self._limits[constraint.quantity]
+            np.minimum(limit, (upper, -lower), out=limit)
+            self._check(constraint.quantity, constraint.name)
         self._is_sealed = False
         self._derive()
 
@@ -101,20 +104,6 @@ class JointIntervals:
     def recovering(self) -> bool:
         """Whether a joint was outside its position limits when bounds were computed last."""
         return self._flags.item(2) > 0
-
-    @classmethod
-    def compose(cls, constraints: Iterable[JointInterval], model: RobotModel, dt: float) -> Self:
-        """The intervals of constraints on positions, velocities, accelerations and jerks; those on one intersect."""
-        constraints = list(constraints)
-        asked = [constraint.braking for constraint in constraints if constraint.braking is not None]
-        intervals = cls(model.joint_names, dt, joint_units=model.joint_units, braking=min(asked, default=None))
-        for constraint in constraints:
-            lower, upper = constraint.bounds(model)
-            limit = intervals._limits[constraint.quantity]
-            np.minimum(limit, (upper, -lower), out=limit)
-            intervals._check(constraint.quantity, constraint.name)
-        intervals._derive()
-        return intervals
 
     def seal(self) -> None:
         """From now on only a plan replaces bounds: others narrow them by ``wbc.Overrides``."""
@@ -147,7 +136,7 @@ class JointIntervals:
         Raises:
             InvalidInput: no such quantity.
         """
-        checks.one_of("quantity", quantity, _QUANTITIES)
+        checks.one_of("quantity", quantity, self._limits)
         upper, lower = self._limits[quantity].copy()
         return -lower, upper
 
@@ -185,7 +174,7 @@ class JointIntervals:
         for joint, low, high in zip(self.joint_names, lower, upper, strict=True):
             if not low <= high:
                 raise InvalidInput(f"{who}: joint {joint!r} is left no {quantity}: lower {low:g} > upper {high:g}")
-            if quantity != "position" and not low <= 0.0 <= high:
+            if quantity not in ("position", "torque") and not low <= 0.0 <= high:
                 raise InvalidInput(f"{who}: joint {joint!r} must be allowed a {quantity} of 0, not [{low:g}, {high:g}]")
 
     def cause(self, joint: int, bound: float, *, upper: bool) -> str:

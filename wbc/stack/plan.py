@@ -8,7 +8,7 @@ applies all gains at once and completes the row problem (:mod:`wbc.qp.rows.probl
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import final
+from typing import Any, final
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from wbc.stack.compiled import fill_kernel
 from wbc.stack.compiled.damping_kernel import share
 from wbc.stack.compiled.fill import CompiledFill
 from wbc.stack.compiled.fill_kernel import ANSWER, BOUND_SPOILT, FILL, LOOK, OBSERVE
-from wbc.stack.constraint import Barrier, TorqueBySpeed, torque_bounds
+from wbc.stack.constraint import Barrier, TorqueBySpeed
 from wbc.stack.contact import Anchor
 from wbc.stack.damping import Damping
 from wbc.stack.filled import Filled
@@ -112,11 +112,10 @@ class Plan(Filled):
 
     def _share(self, like: Plan | None) -> None:
         """What is remembered from tick to tick: the plans of one stack have it in common."""
-        model, contacts, limits = self.model, self.stack.contacts, self.layout.motion_limits
+        model, contacts, limits = self.model, self.stack.contacts, [limit for limit, *_ in self.layout.joint_limits]
         if like is None:
-            intervals = JointIntervals.compose(limits, model, self.dt)
-            torque = torque_bounds(self.layout.torque_limits, model)
-            applied = Applied(model, self.level, self.binding, contacts, intervals=intervals, torque=torque)
+            intervals = JointIntervals(limits, model, self.dt)
+            applied = Applied(model, self.level, self.binding, contacts, intervals=intervals)
         else:
             applied = like.applied
         self.all_tasks = self.stack.tasks if like is None else like.all_tasks
@@ -341,9 +340,9 @@ class Plan(Filled):
             self._try(self._by_speed[0].name, self._narrow_torques, state)
         self._run(LOOK)
 
-    def _try(self, name: str, fill: Callable[[RobotState], None], state: RobotState) -> None:
+    def _try(self, name: str, fill: Callable[[Any], None], given: Any) -> None:
         try:
-            fill(state)
+            fill(given)
         except Exception as cause:
             self.failed(name, cause)
 
@@ -393,7 +392,7 @@ class Plan(Filled):
 
     def bind(self, state: RobotState) -> CompiledFill:
         """What fills from this state, also the next time: a plan that is filled from one state loses no time here."""
-        self._bound = filler = CompiledFill(self, state, self.failed)
+        self._bound = filler = CompiledFill(self, state, self._try)
         self._call[fill_kernel.FILLS] = filler.address
         return filler
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.compiled import Memory
 from wbc.stack.block import Block
-from wbc.stack.compiled.row_memory import KernelItems
+from wbc.stack.compiled.row_memory import Following, Item
 from wbc.stack.filled import Filled
 from wbc.stack.kernel_rows import kernel_rows_of
 from wbc.types import Mat
@@ -20,38 +20,41 @@ class CompiledFill:
     """Fills the motion rows, the centre, the dynamics and the joints' bounds of ``plan`` from ``state``.
 
     Blocks whose members say their rows by a kernel are asked once, here; all others are called in every tick: those of
-    motion rows here, ``others``, when all these are written, by the plan. ``failed`` is told which of them raised, and
-    what.
+    motion rows here, ``others``, when all these are written, by the plan. ``attempt(name, function, argument)`` calls
+    one, and keeps who raised, and what.
 
     ``is_complete`` is false where a member raised here: then it is called, which says why, until it is asked again.
     """
 
-    def __init__(self, plan: Filled, state: Any, failed: Callable[[str, Exception], None]) -> None:
-        self.state, self._failed = state, failed
+    def __init__(self, plan: Filled, state: Any, attempt: Callable[..., None]) -> None:
+        self.state, self._attempt = state, attempt
         layout, motion, p, model = plan.layout, plan.motion, plan.problem, plan.model
         self._applied, self._binding, self._references = plan.applied, plan.binding, motion.numbers[2:4]
         self._inertia: Mat | None = None
         second = plan.level.order == 2
         self._now, self._version = np.zeros(1), -1
-        self._tasks, self._others = (KernelItems(state, self._now, second=second, failed=failed) for _ in range(2))
-        #: Those of the two with targets that users write.
-        self._moving: list[KernelItems] = []
+        #: Those whose rows kernels write: of motion rows, and of others.
+        self._items: tuple[list[tuple[Block, Item]], ...] = [], []
+        #: Targets that users write, with the names of their tasks.
+        self.moving: list[tuple[str, Following]] = []
         self.is_complete = True
 
-        def takes(items: KernelItems, block: Block) -> bool:
+        def takes(k: int, block: Block) -> bool:
             """Whether compiled code writes the rows of a block."""
             if kernel_rows_of(block.says) is None:
                 return False
             try:
-                items.add(block)
+                item = Item(block.kernel_rows(), state, block.into, block.anchor, block.A, second=second)
             except Exception:
                 self.is_complete = False
                 return False
+            self._items[k].append((block, item))
+            block.reads(state.v)
             return True
 
-        self._calls = [block for block in layout.motions if not takes(self._tasks, block)]
+        self._calls = [block for block in layout.motions if not takes(0, block)]
         #: Those who write other rows in every tick, when all these are written.
-        self.others = [block for block in layout.others if not takes(self._others, block)]
+        self.others = [block for block in layout.others if not takes(1, block)]
         dynamics, first = plan.level.dynamics, layout.motion_row
         self._sizes = np.array(
             [plan.level.order, model.nv, model.nb, layout.nf, p.n + 1, layout.n_rows - first, motion.n_joint_blocks,
@@ -79,19 +82,32 @@ class CompiledFill:
         if self._calls:
             self._references[:] = 0.0  # those that a task does not write are zero, in every tick
             for block in self._calls:
-                try:
-                    block.fill(state)
-                except Exception as cause:
-                    self._failed(block.name, cause)
+                self._attempt(block.name, block.fill, state)
         self._now[0] = t = state.t
         if version != self._version:
-            self._version = version
-            self._sizes[12:] = self._tasks.read(t), self._others.read(t)
-            self._moving = [items for items in (self._tasks, self._others) if items.moving]
+            self._version, self.moving = version, []
+            self._read = [self._table(items, t) for items in self._items]
+            self._sizes[12:] = [memory.address for memory in self._read]
         else:
-            for items in self._moving:
-                items.follow(t)
+            for name, target in self.moving:
+                self._attempt(name, target.follow, t)
         if self._applied.inertia is not self._inertia:
             self._inertia = more = self._applied.inertia
             self._sizes[11] = more is not None
             self._more_inertia[:] = 0.0 if more is None else more
+
+    def _table(self, items: list[tuple[Block, Item]], t: float) -> Memory:
+        """Settings again, and which targets move; what :func:`~wbc.stack.compiled.finish_kernel.write_all` reads."""
+        known: list[list[int]] = []
+        for block, item in items:
+            self._attempt(block.name, item.take, block)
+            for target in item.targets:
+                self._attempt(block.name, target.follow, t)
+                row = target.known()
+                if row is not None:
+                    known.append(row)
+                elif target.function is not None:
+                    self.moving.append((block.name, target))
+        sizes = np.array([len(items), len(known)], dtype=np.int64)
+        addresses = [[item.memory.address, block.finishing] for block, item in items]
+        return Memory(sizes, np.array(known, dtype=np.int64), self._now, np.array(addresses, dtype=np.int64))
