@@ -5,11 +5,17 @@ from __future__ import annotations
 import os
 import re
 from pathlib import Path
+from typing import Any
+
+import numba
+import pytest
+from llvmlite.binding import Linkage
 
 import wbc
 from tests.test_import_cost import modules_after
 from wbc.compile_all import MODULES
-from wbc.compiled import forget_stale
+from wbc.compiled import carray, floats, forget_stale, part
+from wbc.qp.rows.compiled.linear import backward
 
 
 def file_of_age(path: Path, seconds: int) -> Path:
@@ -48,3 +54,20 @@ def test_one_command_compiles_every_kernel_and_none_in_both_of_its_processes():
     assert not [name for name in first & second if at_once.search(every[name].read_text(encoding="utf-8"))]
     rows = {name for name, path in every.items() if "\n@callee\n" in path.read_text(encoding="utf-8")}
     assert rows and rows <= {module for modules in MODULES for module in modules}, "compiled when asked for, by name"
+
+
+@pytest.mark.skipif(numba.config.DISABLE_JIT or numba.config.BOUNDSCHECK, reason="a part is then no code of its own")
+def test_a_kernel_that_others_take_in_is_their_own_copy() -> None:
+    """Of copies with one name the loader keeps the first: last digits would depend on what was loaded before."""
+
+    @part
+    def solved(at: int) -> None:
+        L = carray(floats(at), (3, 3))
+        backward(L, 0, 3, L[2])
+        backward(L, 0, 2, L[1])
+
+    made: Any = solved
+    functions = list(made._made._library._final_module.functions)
+    taken_in = [f for f in functions if f.name.startswith("_ZN3wbc") and not f.is_declaration]
+    assert any("backward" in f.name for f in taken_in)
+    assert all(f.linkage is Linkage.internal for f in taken_in)

@@ -20,9 +20,9 @@ from typing import Any, Generic, TypeVar, cast, final, get_type_hints
 
 import numba
 import numpy as np
-from llvmlite.binding import add_symbol
+from llvmlite.binding import Linkage, add_symbol
 from llvmlite.ir import FunctionType, IntType
-from numba.core import event
+from numba.core import codegen, event
 from numba.extending import intrinsic, models, register_model
 from numba.np.arrayobj import np_cfarray
 from numpy.typing import NDArray
@@ -34,10 +34,37 @@ __all__ = [
 
 # All that a compiler may do with sums but to suppose that numbers are finite: a certificate must see NaN.
 _FAST = {"reassoc", "nsz", "arcp", "contract"}
+#: How the names of the functions of this library begin in machine code.
+_OURS = "_ZN3wbc"
 _numba: Any = numba
 _types: Any = numba.types
 _events: Any = event
 _F = TypeVar("_F", bound=Callable[..., Any])
+
+
+def _own_copies(library: Any) -> None:
+    """Let what is linked into a library of machine code be its own, and make it ready.
+
+    Numba links a kernel into those that call it under one name, and each copy is optimised with its caller. Of copies
+    with one name that are loaded all but the first are left out: last digits would depend on what was loaded before,
+    and be others where code is compiled than where it is read from disk.
+    """
+    module = library._final_module
+    if library._shared_module is None and any(function.name.startswith(_OURS) for function in module.functions):
+        library._shared_module = shared = module.clone()  # what is linked into others
+        for function in shared.functions:
+            if not function.is_declaration and function.linkage is _LINKAGE.external:
+                function.linkage = _LINKAGE.linkonce_odr
+        for function in module.functions:
+            if function.linkage is _LINKAGE.linkonce_odr and function.name.startswith(_OURS):
+                function.linkage = _LINKAGE.internal
+    _make_ready(library)
+
+
+_LINKAGE: Any = Linkage
+_LIBRARY: Any = codegen.JITCodeLibrary
+_make_ready = _LIBRARY._finalize_final_module
+_LIBRARY._finalize_final_module = _own_copies
 
 
 def _kept(make: Callable[..., Any], **more: Any) -> Any:
