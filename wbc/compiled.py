@@ -15,6 +15,7 @@ import sys
 from collections.abc import Callable
 from functools import cached_property
 from inspect import get_annotations
+from math import prod
 from pathlib import Path
 from typing import Any, Generic, TypeVar, cast, final, get_type_hints
 
@@ -320,21 +321,23 @@ class Layout(Generic[_T]):
             f"carray({'integers' if name in self._integers else 'floats'}(a[{i}]), {shape})"
             for i, (name, shape) in enumerate(self._shapes.items())
         ]
-        lines = [f"a = carray(integers(at), {len(names)})", f"sizes = {views[names.index('sizes')]}"]
-        lines += [*(f"{name} = {rule}" for name, rule in rules.items()), f"return kind({', '.join(views)})"]
+        known = "\n    ".join(f"{name} = {rule}" for name, rule in rules.items())
         scope: dict[str, Any] = {"carray": carray, "integers": integers, "floats": floats, "kind": kind}
-        exec("def views(at):\n    " + "\n    ".join(lines), scope)
+        exec(f"def shapes(sizes):\n    {known}\n    return {', '.join(self._shapes.values())},", scope)
+        exec(
+            f"def views(at):\n    a = carray(integers(at), {len(names)})\n    sizes = {views[names.index('sizes')]}\n"
+            f"    {known}\n    return kind({', '.join(views)})",
+            scope,
+        )
+        self._shapes_for: Callable[[list[int]], tuple[tuple[int, ...], ...]] = scope["shapes"]
         #: In a kernel: the arrays at an address.
         self.views: Callable[[int], _T] = small_kernel(scope["views"])
 
     def arrays(self, sizes: NDArray[np.int64], **given: NDArray[Any]) -> _T:
         """The arrays given, and zeros for all others."""
-        scope = {"sizes": sizes.tolist()}
-        for name, rule in self._rules.items():
-            scope[name] = eval(rule, {"min": min, "max": max}, scope)
         made = {"sizes": sizes, **given}
-        for name, shape in self._shapes.items():
-            size = eval(shape, {}, scope)
-            found = made.setdefault(name, np.zeros(size, np.int64 if name in self._integers else np.float64))
-            assert found.size == np.prod(size), f"{name} has shape {found.shape}, not {size}"
+        for name, size in zip(self._shapes, self._shapes_for(sizes.tolist()), strict=True):
+            if name not in made:
+                made[name] = np.zeros(size, np.int64 if name in self._integers else np.float64)
+            assert made[name].size == prod(size), f"{name} has shape {made[name].shape}, not {size}"
         return self._kind(**made)

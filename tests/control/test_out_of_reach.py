@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, linprog
 
 import wbc
 from tasks import (
@@ -24,7 +25,7 @@ from tasks import (
 )
 from tests.stack.conftest import feet
 from wbc import AccelerationLevel, Controller, InverseDynamics, Stack, VelocityLevel
-from wbc.types import Vec
+from wbc.types import Status, Vec
 
 ARM, UR5 = wbc.load("arm"), wbc.load("ur5")
 LEVELS = [VelocityLevel, AccelerationLevel, InverseDynamics]
@@ -182,3 +183,40 @@ def test_explain_says_the_size_of_each_unit_of_a_task_by_itself():
 def test_a_negative_factor_is_refused(level: Any):
     with pytest.raises(wbc.errors.InvalidInput, match="lm_damping is -1"):
         level(lm_damping=-1.0)
+
+
+@each_level
+def test_an_exact_task_out_of_reach_comes_to_rest_there_too(level: Any) -> None:
+    """The task is relaxed in every tick, and what is left of it damps the joints."""
+    target = np.array([0.4, 0.2, 4.0])
+    stack = Stack([Posture(ARM.q0, weight=1e-3)], subject_to=[Position("tool", target=target).exactly(), JointLimits()])
+    controller = Controller(ARM, stack, level=level(), dt=DT)
+    q, v, seen = moved(controller, np.array(ARM.q0), np.zeros(ARM.nv), 4.0, certified=False)
+    levels = {event.fallback_level for event in controller.fallbacks.log}
+    assert levels == {"relaxed"}
+    turned = [np.any(one * other < -1e-6) for one, other in pairwise(seen)]
+    assert sum(turned) < 25 and not any(turned[-250:])
+    assert np.abs(v).max() < 1e-3
+    state = ARM.state(drifts=False)
+    state.update(0.0, q, v)
+    assert np.linalg.norm(target - state.frame("tool").position) < best(ARM, "tool", target, q) + 1e-3
+
+
+def test_what_a_nearly_stretched_arm_cannot_do_is_proven_infeasible() -> None:
+    """Its rows nearly depend on each other. That no point meets them is what linear programming says, too."""
+    target, limits = np.array([2.0, 0.5, 0.5]), ARM.limits.v_max
+    stack = Stack([Position("tool", target=target)], subject_to=[JointVelocityLimits()])
+    q, _, _ = moved(Controller(ARM, stack, level=VelocityLevel(), dt=DT), ARM.q0, np.zeros(ARM.nv), 6.0)
+    state, rng = ARM.state(drifts=False), np.random.default_rng(0)
+    for _ in range(500):
+        state.update(0.0, q + 10 ** rng.uniform(-4, -1) * rng.normal(size=ARM.nj), np.zeros(ARM.nv))
+        tool = state.frame("tool")
+        J, wanted = tool.jacobian()[:3], 5.0 * (target - tool.position)
+        off = np.ones((3, 1))
+        least = linprog(
+            np.eye(8)[7], np.block([[J, -off], [-J, -off]]), np.concatenate([wanted, -wanted]),
+            bounds=[*zip(-limits, limits, strict=True), (0.0, None)],
+        )  # fmt: skip
+        assert least.status == 0 and least.fun > 0.1, "the speed that is missing"
+        qp = wbc.QP(np.eye(7), np.zeros(7), A=J, b=wanted, lb=-limits, ub=limits)
+        assert wbc.solve(qp).status is Status.INFEASIBLE

@@ -4,8 +4,9 @@
     not certified      the answer meets all constraints, and its distance from the optimum is not proved
     not optimised      a strict hierarchy used its budget of QPs: lower levels are where the upper ones left them
     weighted fallback  a strict hierarchy has no answer: one QP with the weighted sum of all levels
-    relaxed            constraints are relaxed in a declared order, each as little as possible; torques, friction and
-                       physics hold; ``controller.why`` says which constraints, and by how much
+    relaxed            constraints are relaxed in a declared order, each as little as possible, but that what is left of
+                       exact tasks damps the joints; torques, friction and physics hold; ``controller.why`` says which
+                       constraints, and by how much
     closed form        the minimum of the cost under the equalities alone, cut to the limits; on legs if it needs no cut
     hold               the last certified command
     damped             brake to rest, see :mod:`wbc.control.fallback`
@@ -263,13 +264,26 @@ class FallbackSequence:
         return None
 
     def _solve_relaxed(self, solver: Solver, items: list[int], share: float, found: list[Solution]) -> bool:
-        """Solve the plan's problem with these rows relaxed; an answer goes into the plan's memory and to ``found``."""
-        plan = self._controller.plan
-        solution = solver.solve(relaxed(plan.qp, items, share=share))
-        if not solution.status.ok or not np.abs(solution.x).max() < _HUGE:
-            return False
-        found.append(solution)
-        self._write(solution.x[: plan.problem.n])
+        """Solve the plan's problem with these rows relaxed; an answer goes into the plan's memory and to ``found``.
+
+        What is left of exact tasks damps the joints, as what is left of tasks does, in a second problem.
+        """
+        plan, nb = self._controller.plan, self._controller.model.nb
+        damping, toward = np.zeros((2, plan.qp.n))
+        joints, session = slice(nb, self._controller.model.nv), None
+        for damped in (False, True):
+            if damped:
+                damping[joints], rate = plan.damping.of_exact.now()
+                toward[joints] = -rate * self._controller.state.v_joints if plan.level.order == 2 else 0.0
+                if not damping.any():
+                    break
+            qp = relaxed(plan.qp, items, share=share, damping=damping, toward=toward)
+            session = solver.open(qp.shape) if session is None else session
+            solution = session.solve(qp)
+            if not solution.status.ok or not np.abs(solution.x).max() < _HUGE:
+                return damped
+            found.append(solution)
+            self._write(solution.x[: plan.problem.n])
         return True
 
     def _closed_form(self) -> bool:

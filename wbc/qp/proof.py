@@ -20,6 +20,7 @@ import numpy as np
 from wbc.qp.answer import Answer
 from wbc.qp.certificate import FLAT
 from wbc.qp.problem import QP, Shape, moderate
+from wbc.qp.relax import relaxed
 from wbc.tolerances import CANCELS, NEAR, NOISE, SAME, SHARP
 from wbc.types import Mat, Status, Vec
 
@@ -44,18 +45,34 @@ def contradiction(qp: QP, tolerance: float) -> Vec | None:
     """
     length = np.append(np.linalg.norm(qp.matrix, axis=1), np.ones(qp.n))
     length[length == 0.0] = 1.0
-    for units in (_column_units(qp), np.ones(qp.n)):
-        answer = _nearest(qp, units)
-        if answer.status is not Status.INFEASIBLE:
-            continue
-        push = np.concatenate([answer.y, answer.z, answer.z_box])
-        pull = np.abs(push) * length
-        push[pull <= SAME * pull.max()] = 0.0
-        with np.errstate(all="ignore"):
-            push /= np.abs(push).max()
-        if contradicts(qp, push, tolerance):
-            return push
+    for multipliers in (_of_nearest, _of_least):
+        for units in (_column_units(qp), np.ones(qp.n)):
+            push = multipliers(qp, units)
+            pull = np.abs(push) * length
+            push[pull <= SAME * pull.max()] = 0.0
+            with np.errstate(all="ignore"):
+                push /= np.abs(push).max()
+            if contradicts(qp, push, tolerance):
+                return push
     return None
+
+
+def _of_nearest(qp: QP, units: Vec) -> Vec:
+    """Multipliers (m + n,) by which the search for the nearest point ends; zero where it finds one."""
+    answer = _nearest(qp, units)
+    return np.concatenate([answer.y, answer.z, answer.z_box]) * (answer.status is Status.INFEASIBLE)
+
+
+def _of_least(qp: QP, units: Vec) -> Vec:
+    """Multipliers (m + n,) at the point within the bounds that misses the rows least: by how much it misses each.
+
+    Where rows are nearly dependent the nearest point is far beyond all bounds on the way; this one never is.
+    """
+    m = len(qp.lower)
+    nearest = qp.copy()
+    nearest.H[:], nearest.g[:] = np.diag(units**-2.0), 0.0
+    answer = _projected(relaxed(nearest, range(m), share=CANCELS))
+    return np.concatenate([answer.y, answer.z, answer.z_box[: qp.n]])
 
 
 def _nearest(qp: QP, units: Vec) -> Answer:

@@ -11,7 +11,8 @@ import numpy as np
 from wbc.compiled import Memory
 from wbc.qp.lexicographic import Pull
 from wbc.qp.rows import RowProblem, RowTask
-from wbc.stack.compiled.damping_kernel import DAMPINGS, RESIDUAL
+from wbc.stack.block import MotionBlock
+from wbc.stack.compiled.damping_kernel import DAMPINGS, RESIDUAL, observe
 from wbc.stack.hierarchy import Rank
 from wbc.stack.layout import Layout
 from wbc.stack.motion import MotionRows
@@ -49,16 +50,16 @@ class ResidualDamping:
     """
 
     def __init__(
-        self, layout: Layout, motion: MotionRows, problem: RowProblem, factor: float, dt: float, *, tasks: slice
-    ) -> None:
+        self, layout: Layout, motion: MotionRows, problem: RowProblem, factor: float, dt: float, *,
+        blocks: Sequence[MotionBlock], held: Sequence[MotionBlock],
+    ) -> None:  # fmt: skip
         nb, nv, nj = layout.model.nb, layout.model.nv, layout.model.nj
-        blocks = layout.kinematic[tasks] if factor > 0.0 else []
+        blocks = blocks if factor > 0.0 else []
         #: The tasks whose residuals damp the joints.
         self.names, starts = [block.name for block in blocks], np.cumsum([0, *(block.dim for block in blocks)])
         rows, own = int(starts[-1]), slice(*([blocks[0].motion.start, blocks[-1].motion.stop] if blocks else [0, 0]))
         of_tasks = slice(layout.motion_row + own.start, layout.motion_row + own.stop)
-        weighed = sum(block.dim for block in layout.kinematic)
-        held = [*layout.kinematic[: tasks.start], *layout.exact]
+        weighed, soft = sum(block.dim for block in layout.kinematic), of_tasks.start - problem.soft.start
         motions = problem.G[layout.motion_row :]
         gain = motion.rate if motion.order == 1 else motion.kp
         step = dt if motion.order == 1 else 4.0 * dt**2
@@ -66,7 +67,7 @@ class ResidualDamping:
         memory = RESIDUAL.arrays(
             np.array(sizes, dtype=np.int64), first=starts.astype(np.int64), numbers=np.array([factor, step, 0.0, 0.0]),
             G=problem.G[of_tasks], left=problem.value[problem.item(of_tasks.start) :][:rows],
-            weights=problem.weights[of_tasks.start - problem.soft.start :][:rows],
+            weights=problem.weights[soft:][:rows] if soft < len(problem.weights) else np.ones(rows),
             gain=gain[own], kd=motion.kd[own], e=motion.e[own], G_held=motions,
             held=np.array([(block.motion.start, block.motion.stop) for block in held], dtype=np.int64),
             weights_held=problem.weights[layout.motion_row - problem.soft.start :][:weighed],
@@ -100,6 +101,12 @@ class ResidualDamping:
         """Whether any joint is damped."""
         return bool(self._numbers.item(3) != 0.0)
 
+    def now(self) -> tuple[Vec, Vec]:
+        """Weight of the damping of each joint (nj,), and its rate, by the residuals in the problem's memory."""
+        self.reset()
+        observe(self.address)
+        return self.applied, self.rate
+
 
 @final
 class Damping:
@@ -124,6 +131,8 @@ class Damping:
     ) -> None:
         self._made_of = layout, motion, problem, factor, dt
         self._least = least
+        #: By what exact tasks leave, for a tick in which they are relaxed.
+        self.of_exact = ResidualDamping(*self._made_of, blocks=layout.exact, held=[])
         self._split([0])
         self._connect([])
         #: Tasks on the joints at the levels that are damped.
@@ -132,7 +141,13 @@ class Damping:
     def _split(self, ends: Sequence[int]) -> None:
         """One damping for the tasks between two of these numbers each, and one in the metric for those behind."""
         parts = [slice(*pair) for pair in pairwise([*ends, len(self._made_of[0].kinematic)])]
-        *self.of_levels, self.in_metric = self._all = [ResidualDamping(*self._made_of, tasks=part) for part in parts]
+        layout = self._made_of[0]
+        *self.of_levels, self.in_metric = self._all = [
+            ResidualDamping(
+                *self._made_of, blocks=layout.kinematic[part], held=[*layout.kinematic[: part.start], *layout.exact]
+            )
+            for part in parts
+        ]
 
     def _connect(self, braking: Sequence[tuple[int, slice, Vec]]) -> None:
         """The memory of all dampings. What a task does in part it brakes with all of its kd: the place of its level,
