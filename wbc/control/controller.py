@@ -161,7 +161,12 @@ class Controller(Solving):
         checks.instance("stack", stack, Stack, "a wbc.Stack")
         if self._started:  # else no tick was made with the stack that is replaced now
             self._former, self._kept = self.plans, self.components
-        state, former = self.compile(stack, prepared=self._kept), self.state
+        try:
+            state, former = self.compile(stack, prepared=self._kept), self.state
+        except Exception:
+            for component in self._kept:  # some have looked at the plan that is refused
+                component.check(self.plans.whole.plan)
+            raise
         state.update(former.t, former.q, former.v)
         self.state = state
         if self._started and self.last is not None:
@@ -208,7 +213,11 @@ class Controller(Solving):
             command = self.fallbacks.invalid()
         else:
             decide = self._decide if self.mode.is_compiled else self._decide_in_silence
-            command = decide(t, measured.moment)
+            try:
+                command = decide(t, measured.moment)
+            except Exception as cause:  # members are users' code, and may raise anything anywhere
+                self.why = str(cause if isinstance(cause, WbcError) else MemberFailed("a member", cause))
+                command = self.fallbacks.failed(measured.moment)
         intervals = self.plan.intervals
         if intervals.remembers:
             accuracy = MET if self._level.order == 2 else MET / self._dt
@@ -240,17 +249,13 @@ class Controller(Solving):
     def _decide(self, t: float, moment: Vec) -> Command:
         state = self.state
         state.move(t, moment)
-        try:
-            if self.mode.in_one_call and self._started and not self.components:
-                observes, self._solved = self._solved is self.plan, None
-                self.answering = solver = self.mode.solver
-                status = self.plan.answer(state, solver, observes=observes)
-            else:
-                self._ask_members()
-                status = self.solve_with(self.mode.solver)
-        except WbcError as failure:
-            self.why = str(failure)
-            return self.fallbacks.failed(moment)
+        if self.mode.in_one_call and self._started and not self.components:
+            observes, self._solved = self._solved is self.plan, None
+            self.answering = solver = self.mode.solver
+            status = self.plan.answer(state, solver, observes=observes)
+        else:
+            self._ask_members()
+            status = self.solve_with(self.mode.solver)
         self.status, plan = status, self.plan
         if plan.stopping is not None and status is _SOLVED:
             plan.stopping.keep(plan, state, self._solve_again)
@@ -320,6 +325,8 @@ class Controller(Solving):
         assert schedule is not None, "there is one"
         try:
             mode = self.plans.choose(schedule.contacts(self.state, last), self.state)
+        except MemberFailed:  # a contact, whose name it says
+            raise
         except Exception as cause:
             raise MemberFailed(f"{schedule.name}.contacts", cause) from cause
         if mode is not self.mode:

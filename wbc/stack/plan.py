@@ -13,19 +13,19 @@ from typing import Any, final
 import numpy as np
 
 from wbc.compiled import Memory
-from wbc.errors import Infeasible, InvalidInput, MemberFailed
+from wbc.errors import Infeasible, InvalidInput, MemberFailed, WbcError
 from wbc.models.model import RobotModel, RobotState
 from wbc.qp.conflict import conflict
 from wbc.qp.problem import QP
 from wbc.qp.rows import RowProblem, RowSolver
 from wbc.stack.applied import Applied
-from wbc.stack.block import Block
+from wbc.stack.block import Block, MotionBlock
 from wbc.stack.compiled import fill_kernel
 from wbc.stack.compiled.damping_kernel import share
 from wbc.stack.compiled.fill import CompiledFill
 from wbc.stack.compiled.fill_kernel import ANSWER, BOUND_SPOILT, FILL, LOOK, OBSERVE
 from wbc.stack.constraint import Barrier, TorqueBySpeed
-from wbc.stack.contact import Anchor
+from wbc.stack.contact import Anchor, Contact
 from wbc.stack.damping import Damping
 from wbc.stack.filled import Filled
 from wbc.stack.interval import JointIntervals
@@ -54,7 +54,7 @@ class Plan(Filled):
 
     __slots__ = (
         "_bound", "_by_speed", "_call", "_called", "_failure", "_force_weights", "_joint_weights", "_looks",
-        "_normal_version", "_own_normals", "_place", "_pressing", "_qp", "_refusal", "_shares", "_stamp",
+        "_normal_version", "_own_normals", "_place", "_pressing", "_qp", "_shares", "_stamp",
         "_torque_version", "anchors", "damping", "force_scale", "stopping",
     )  # fmt: skip
 
@@ -77,7 +77,7 @@ class Plan(Filled):
         )  # fmt: skip
         nv, nb = model.nv, model.nb
         self.motion = MotionRows(level.order, p.G[layout.motion_row :], nv, model.nj, len(layout.joints), dt=dt)
-        self._failure: MemberFailed | None = None
+        self._failure: WbcError | None = None
         self._share(like)
         #: Weights of the tasks on the joints.
         self._joint_weights = np.zeros((len(layout.joints), model.nj))
@@ -92,8 +92,6 @@ class Plan(Filled):
         self.damping = Damping(layout, self.motion, p, level.lm_damping, dt, least=level.regularisation)
         self._connect()
         self._stamp = -1
-        #: Why gains that were assigned between ticks cannot be used; until others are, no tick has an answer.
-        self._refusal = ""
         #: What a unit of each force (nf,) in the problem is [N, N m]; a new array where it changes.
         self.force_scale = np.ones(layout.nf)
         self._read_weights()
@@ -108,7 +106,7 @@ class Plan(Filled):
         if like is None:
             self.binding.refuse_missing(stack.components)
         for component in () if like else stack.components:
-            component.check(self)
+            explained(f"{component.name}.check", component.check, self)
 
     def _share(self, like: Plan | None) -> None:
         """What is remembered from tick to tick: the plans of one stack have it in common."""
@@ -179,13 +177,6 @@ class Plan(Filled):
         self._call[[k.SHARES, k.DAMPINGS]] = self._shares.address, self.damping.address
         self._call[[k.PLACE, k.SOLVER]] = (0, 0) if solver is None else solver.kernel
 
-    def _write_cones(self) -> None:
-        """Constant rows K f <= 0, on the scaled forces."""
-        p = self.problem
-        for block in self.layout.contacts:
-            p.G[block.cone, block.unknowns] = block.member.cone() * p.scale[block.unknowns]
-            p.upper[p.item(block.cone.start) : p.item(block.cone.stop)] = 0.0
-
     def _first_fill(self, state: RobotState, like: Plan | None) -> None:
         """Fill once, on poisoned memory: what nobody writes is found now, by name.
 
@@ -210,13 +201,18 @@ class Plan(Filled):
 
     # ---- weights: read again when a task was assigned to
     def _read_weights(self) -> None:
+        """Gains, weights, cones and bounds on forces; where one cannot be used, no tick has an answer.
+
+        Raises:
+            InvalidInput: gains with which errors grow from tick to tick.
+            MemberFailed: a member raised, or gave what none can be.
+        """
         layout, p = self.layout, self.problem
-        self._stamp = self.binding.stamp
         for motion in layout.motions:
-            self.motion.set_gains(motion.motion, motion.says)
+            explained(f"{motion.name}.gains", self.motion.set_gains, motion.motion, motion.says)
         weighed: list[Block] = [*layout.linear, *layout.kinematic, *layout.joints, *layout.soft]
         for block in weighed:
-            block.weights[:] = block.member.weights()
+            explained(f"{block.name}.weights", self._read_weight, block)
         eps, nb, nv, n_u = self.level.regularisation, self.model.nb, self.model.nv, layout.n_u
         joints = eps + self._joint_weights.sum(axis=0)
         p.unit = float(joints.max())
@@ -228,14 +224,28 @@ class Plan(Filled):
             forces = self._force_weights + eps
             p.scale[nv : nv + layout.nf] = np.sqrt(p.unit / forces)
             self.force_scale = p.scale[nv : nv + layout.nf].copy()
-            self._write_cones()
+            for block in layout.contacts:
+                explained(f"{block.name}.cone", self._write_cone, block)
             pressing = [block.member for block in layout.contacts if not block.member.bilateral]
-            least = [-np.inf if contact.f_min is None else contact.f_min for contact in pressing]
-            most = [np.inf if contact.f_max is None else contact.f_max for contact in pressing]
-            self._own_normals = np.array([least, most])
+            for contact, bounds in zip(pressing, self._own_normals.T, strict=True):
+                explained(f"bounds on the force of {contact.name}", self._read_normal, contact, bounds)
             self._bound_normals()
         for soft in layout.soft:
             p.scale[soft.unknowns] = np.sqrt(p.unit / (soft.weights + eps))
+        self._stamp = self.binding.stamp
+
+    def _read_weight(self, block: Block) -> None:
+        block.weights[:] = block.member.weights()
+
+    def _read_normal(self, contact: Contact, bounds: Vec) -> None:
+        bounds[0] = -np.inf if contact.f_min is None else contact.f_min
+        bounds[1] = np.inf if contact.f_max is None else contact.f_max
+
+    def _write_cone(self, block: MotionBlock) -> None:
+        """Constant rows K f <= 0, on the scaled forces."""
+        p = self.problem
+        p.G[block.cone, block.unknowns] = block.member.cone() * p.scale[block.unknowns]
+        p.upper[p.item(block.cone.start) : p.item(block.cone.stop)] = 0.0
 
     # ---- the hot path
     def start(self, state: RobotState) -> None:
@@ -245,12 +255,16 @@ class Plan(Filled):
         if self.stopping is not None:
             self.stopping.reset()
         for barrier in self.barriers:
-            barrier.says.reset()
+            explained(f"{barrier.name}.reset", barrier.says.reset)
         if self.damping.is_on:
             self.damping.reset()
             share(self._shares.address)
         for block, anchor in zip(self.layout.contacts, self.anchors, strict=True):
-            anchor.move(block.member.target or block.member.anchor(state))
+            explained(f"{block.name}.anchor", self._make, block, anchor, state)
+
+    def _make(self, block: MotionBlock, anchor: Anchor, state: RobotState) -> None:
+        """Make a contact: at its target, or where the robot is."""
+        anchor.move(block.member.target or block.member.anchor(state))
 
     def take_over(self, former: Plan, state: RobotState) -> None:
         """Go on where another plan of the same stack stands: make the contacts that it has not."""
@@ -258,7 +272,7 @@ class Plan(Filled):
         held = [block.member for block in former.layout.contacts]
         for block, anchor in zip(self.layout.contacts, self.anchors, strict=True):
             if block.member not in held:
-                anchor.move(block.member.target or block.member.anchor(state))
+                explained(f"{block.name}.anchor", self._make, block, anchor, state)
 
     def go_on_from(self, former: Plan) -> None:
         """Damp as the plan of another stack did."""
@@ -301,7 +315,7 @@ class Plan(Filled):
             observes = False
         self._prepare(state)
         left = (OBSERVE if observes else 0) | FILL | LOOK | ANSWER
-        if self._failure is None and not self._refusal:
+        if self._failure is None:
             code = fill_kernel.tick(self._called, left)
             if code >= 0:
                 return solver.concluded(code)
@@ -318,11 +332,10 @@ class Plan(Filled):
         """Before the compiled code fills: weights that were assigned, targets that users write, bounds on forces."""
         self._failure = None
         if self.binding.stamp != self._stamp:
-            self._refusal = ""
             try:
                 self._read_weights()
-            except InvalidInput as cause:
-                self._refusal = str(cause)
+            except WbcError as cause:
+                self._failure = cause
         filler = self._bound
         (filler if state is filler.state and filler.is_complete else self.bind(state))()
         if self.level.dynamics:
@@ -354,8 +367,6 @@ class Plan(Filled):
             self.failed(row.owner, InvalidInput(f"a bound of {row} is NaN"))
         if self._failure is not None:
             raise self._failure
-        if self._refusal:
-            raise InvalidInput(self._refusal)
 
     def failed(self, name: str, cause: Exception) -> None:
         """A member's ``fill`` raised: the first to do so is the one that :meth:`fill` tells of."""
