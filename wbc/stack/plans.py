@@ -151,3 +151,5 @@ class Plans:
         self.present = self.whole
         for mode in self._modes.values():
             mode.solver.reset()
+            if mode.second is not None:
+                mode.second.reset()

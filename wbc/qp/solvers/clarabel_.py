@@ -24,9 +24,12 @@ class ClarabelSession(KeptSession):
     def __init__(self, solver: Clarabel, shape: Shape) -> None:
         super().__init__(solver, shape)
         self._tol, self._max_iter = solver.tol, solver.max_iter
-        self._cost, self._rows = Pattern(shape.n, shape.n), Pattern(0, 0)
         self._form: OneSided | None = None
+        self._begin()
         self._data: tuple[Mat, Vec, Mat, Vec] = np.empty((0, 0)), np.empty(0), np.empty((0, 0)), np.empty(0)
+
+    def _begin(self) -> None:
+        self._cost, self._rows, self._form = Pattern(self.shape.n, self.shape.n), Pattern(0, 0), None
 
     def _write(self, qp: QP) -> bool:
         same_sides = self._form is not None and self._form.fits(qp)

@@ -63,9 +63,13 @@ class KeptSession(Session):
     def _run(self, qp: QP, workspace: Any) -> Answer:
         """Solve what the workspace holds."""
 
+    def _begin(self) -> None:
+        """Forget which entries were ever other than zero."""
+
     @final
     def reset(self) -> None:
         self._workspace = None
+        self._begin()
 
     @final
     def _solve(self, qp: QP) -> Answer:

@@ -32,10 +32,14 @@ class OsqpSession(KeptSession):
             "eps_abs": solver.eps_abs, "eps_rel": 0.0, "max_iter": solver.max_iter, "polishing": solver.polishing,
             "eps_prim_inf": SHARP, "eps_dual_inf": SHARP, "check_dualgap": True, "verbose": False, "alpha": _RELAXED,
         }  # fmt: skip
-        self._cost, self._rows = Pattern(n, n), Pattern(m + n, n)
+        self._begin()
         self._upper_H = np.zeros((n, n))
         self._matrix = np.concatenate([np.zeros((m, n)), np.eye(n)])
         self._sides = np.empty((2, m + n))
+
+    def _begin(self) -> None:
+        n, rows = self.shape.n, self.shape.n_eq + self.shape.n_in + self.shape.n
+        self._cost, self._rows = Pattern(n, n), Pattern(rows, n)
 
     def _write(self, qp: QP) -> bool:
         self._upper_H = np.triu(qp.H)
