@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 FIRST_STEP = 0.1
 #: Times that differ by less are the same [s]: a clock that adds up ticks is not exact.
 _SAME = 1e-9
+_NO_FORCE = (0.0, 0.0, 0.0)
 
 
 @final
@@ -177,9 +178,12 @@ class ContactSchedule(Schedule):
         return Overrides(normal_limits=limits, normal_floors=floors)
 
     def _bound_rate(self, former: Any, most: float, limits: dict[str, float], floors: dict[str, float]) -> None:
-        """No further from what was commanded last than a tick allows, where that had an answer."""
+        """No further from what was commanded last than a tick allows, where that had an answer.
+
+        A contact that a former stack had not is made now, and had no force.
+        """
         for name in self.names:
-            wrench = former[name]
+            wrench = former.get(name, _NO_FORCE)
             force = float(wrench[2]) if len(wrench) > 2 else inf  # a part of the mechanism has no normal force
             if isfinite(force):
                 limits[name] = max(min(limits[name], force + most), 0.0)

@@ -148,6 +148,22 @@ def test_while_a_contact_is_open_the_force_rate_holds_without_ramps_too(seed: in
     assert np.abs(np.diff(forces[11:], axis=0)).max() <= 1e3 * 0.05 * QUADRUPED.mass * DT + 1e-6
 
 
+@pytest.mark.parametrize("stood", [FEET[:2], ()], ids=["on other feet", "in the air"])
+def test_a_contact_that_the_former_stack_had_not_begins_without_force(stood: tuple[str, ...]) -> None:
+    stack, rest = standing(QUADRUPED), np.zeros(QUADRUPED.nv)
+    contacts = [contact for contact in stack.contacts if contact.frame in stood]
+    former = Stack(stack.levels, subject_to=stack.subject_to, contacts=contacts)
+    loop = wbc.Controller(QUADRUPED, former, level=wbc.InverseDynamics())
+    assert loop.tick(0.0, QUADRUPED.q0, rest).status.ok
+    schedule = ContactSchedule([(0.0, FEET), (0.02, FEET[1:])])
+    loop.replace(Stack(stack.levels, subject_to=stack.subject_to, contacts=stack.contacts, components=[schedule]))
+    most = 1e3 * schedule.force_rate * QUADRUPED.mass * DT
+    for k in (1, 2):
+        command = loop.tick(DT * k, QUADRUPED.q0, rest)
+        assert command.status.ok and not loop.why
+        assert all(command.f[name][2] <= k * most + 1e-6 for name in FEET if name not in stood)
+
+
 def test_a_robot_may_be_in_the_air_from_beginning_to_end() -> None:
     loop = controller(ContactSchedule([(0.0, [])]))
     command = loop.tick(0.0, QUADRUPED.q0, np.zeros(QUADRUPED.nv))
