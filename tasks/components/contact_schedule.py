@@ -33,16 +33,18 @@ class ContactSchedule(Schedule):
     ``timeline``: (time [s], names or frames of the contacts that are closed from then on). The first set holds from the
     beginning. With ``period`` [s] the timeline repeats; its times are then in [0, period).
 
-    Ramps: the normal force of a contact is bounded by f_z <= k m min(t − t_closed, t_opens − t), with ``ramp`` k [N per
-    ms and kg of the robot's mass m]. The bound falls to nearly zero before the contact opens and rises after it closes.
-    A robot that cannot stand on the other contacts falls: shift its weight first.
+    Ramps: the normal force of a contact is bounded by f_z <= k m min(t − t_closed, t_opens − t), k the smaller of
+    ``ramp`` and ``force_rate`` [N per ms and kg of the robot's mass m]. The bound falls to nearly zero before the
+    contact opens and rises after it closes. A robot that cannot stand on the other contacts falls: shift its weight
+    first.
 
     Rates: while a contact is open, or its bound is below the robot's weight, the normal force of every contact changes
     by at most ``force_rate`` r m per ms from the last command, r in N per ms and kg (``inf``: no limit). The impact of
     one foot then does not make the forces of the others jump. This limit is relaxed first if the QP is infeasible
     (:class:`~wbc.control.recovery.Recovery`). ``standing_rate`` is the same limit for the rest of the time, while all
     contacts are closed. By default forces may then change as fast as a push needs; where the state comes from noisy
-    sensors, a limit keeps their noise out of the forces.
+    sensors, a limit keeps their noise out of the forces. Ramps come first: a force that is above its ramp, since the
+    stack was replaced while the bound was low or since it exceeds the weight, falls to it at once.
 
     ``touching``: a function of a contact's name that says whether a sensor feels the ground. A contact then closes when
     it touches, at most ``early`` seconds before its time; if it touches later, it closes later.
@@ -164,7 +166,8 @@ class ContactSchedule(Schedule):
         self._weight = model.weight
 
     def before(self, state: RobotState, last: Any, plan: PlanView) -> Overrides:
-        step, first, t = 1e3 * self.ramp * plan.model.mass, FIRST_STEP * plan.dt, state.t
+        slope = min(self.ramp, self.force_rate)  # else the bound would fall faster than the force may
+        step, first, t = 1e3 * slope * plan.model.mass, FIRST_STEP * plan.dt, state.t
         for i, (made, until) in enumerate(
             zip(self._made, self._until, strict=True)
         ):  # they are few: faster than arrays
