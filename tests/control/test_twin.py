@@ -14,15 +14,20 @@ import wbc
 from wbc.control.twin import Twin
 from wbc.models.geometry import Sphere
 from wbc.tasks import (
+    Admittance,
     CenterOfMass,
     CollisionAvoidance,
     ContactSchedule,
+    FaultReaction,
+    JointAdmittance,
     JointLimits,
     JointVelocityLimits,
+    MomentumObserver,
     Obstacle,
     Orientation,
     Position,
     Posture,
+    SlotineLi,
     Sole,
     TorqueLimits,
 )
@@ -192,6 +197,47 @@ def test_targets_of_tasks_that_other_members_hold_are_not_asked_either():
     assert len(asked) == known and twin._twin.ticks == 1
     controller.tick(0.0, ARM.q0, np.zeros(ARM.nv))
     assert len(asked) > known
+
+
+def test_no_function_of_time_is_asked_by_a_twin_or_where_one_is_made():
+    """Targets that are read when a plan is made, measured forces and poses of obstacles are such functions too."""
+    asked: list[str] = []
+
+    def counted(name: str, value: Any) -> Any:
+        return lambda t: (asked.append(name), value)[1]
+
+    place, nothing = ARM.state().frame("tool").placement, np.zeros(ARM.nj)
+    joint = JointAdmittance(
+        counted("admittance", ARM.q0), inertia=1.0, damping=9.0, stiffness=9.0, torque=counted("torque", nothing)
+    )
+    hand = Admittance(
+        "tool", target=counted("pose", place), inertia=1.0, damping=9.0, stiffness=9.0,
+        wrench=counted("wrench", np.zeros(6)),
+    )  # fmt: skip
+    ball = Obstacle("ball", Sphere(0.05), counted("ball", place))
+    moving = (ARM.q0, nothing, nothing)
+    stack = wbc.Stack(
+        [Posture(counted("posture", moving)), joint, hand],
+        subject_to=[TorqueLimits(), CollisionAvoidance([ball])],
+    )
+    controller = wbc.Controller(ARM, stack, level=wbc.InverseDynamics())
+    for ticks in (0, 1):
+        known = len(asked)
+        twin = Twin(controller)
+        twin()
+        assert asked[known:] == [] and twin._twin.status.ok, f"after {ticks} ticks"
+        controller.tick(0.0, ARM.q0, nothing)
+    assert set(asked[known:]) == {"admittance", "torque", "pose", "wrench", "ball", "posture"}
+
+
+def test_members_that_a_component_sets_are_in_the_twin_without_it():
+    law, observer = SlotineLi(ARM.q0, kp=100.0, kd=20.0, gain=1.0), MomentumObserver(gain=100.0, threshold=1.0)
+    reaction = FaultReaction(observer)
+    for tasks, components in (([law.torque], [law]), ([Posture(ARM.q0), reaction.limits], [observer, reaction])):
+        stack = wbc.Stack(tasks, subject_to=[TorqueLimits()], components=components)
+        twin = Twin(wbc.Controller(ARM, stack, level=wbc.InverseDynamics()))
+        twin()
+        assert twin._twin.status.ok and stack.tasks[-1].set_by is components[-1]
 
 
 @pytest.mark.parametrize("given", [True, "arm", ARM])

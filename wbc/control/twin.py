@@ -7,13 +7,14 @@ and the robot's model, and that is what most of the time goes for.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from functools import partial
 from typing import Any, final
 
 from wbc.control.controller import Controller
 from wbc.control.watchdog import Watchdog
 from wbc.stack.member import Binding, Member
 from wbc.stack.stack import Stack
-from wbc.stack.target import Target
 
 
 @final
@@ -21,8 +22,10 @@ class Twin:
     """Calling it ticks a twin of ``controller`` at the state of its last tick, before the first at its reference.
 
     The controller, its components, its warm start and what records it do not notice: the twin has no components, and
-    copies of all members that nobody else has. Targets stay what they were at t = 0, so that functions given as targets
-    are not called. Tasks, constraints and contacts of one's own are, on the copies, as in every tick.
+    copies of all members that nobody else has. What a component sets in each tick stays as its user made it. Targets
+    and obstacles stay what they were at t = 0: no function that was given for one is called, neither by a dry tick nor
+    where the twin is made, but once there if it was assigned since the last tick. Tasks, constraints and contacts of
+    one's own are, on the copies, as in every tick.
 
     Example:
         >>> import wbc
@@ -39,11 +42,13 @@ class Twin:
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
         make, (model, stack) = controller.__reduce__()
+        first = {id(one.function): one.first for one in controller.plan.binding.followed() if one.function is not None}
         own = Binding().own
-        copied = Stack(own(stack.levels), subject_to=own(stack.subject_to), contacts=own(stack.contacts))
-        self._twin: Controller = make(model, copied, watchdog=Watchdog())
-        planned = self._twin.plan.stack
-        _hold((planned.levels, planned.subject_to, planned.contacts))
+        levels, subject_to, contacts = (
+            _still(own(part), first) for part in (stack.levels, stack.subject_to, stack.contacts)
+        )
+        still = Stack(levels, subject_to=subject_to, contacts=contacts)
+        self._twin: Controller = make(model, still, watchdog=Watchdog())
 
     def __call__(self) -> None:
         """A dry tick."""
@@ -51,13 +56,20 @@ class Twin:
         self._twin.tick(state.t, state.q, state.v)
 
 
-def _hold(value: Any) -> None:
-    """Let the targets of a member stand still."""
-    if isinstance(value, Target):
-        value.function = None
-    elif isinstance(value, Member):
-        for inner in value.__dict__.values():
-            _hold(inner)
-    elif type(value) in (list, tuple):
-        for one in value:
-            _hold(one)
+def _still(value: Any, first: Mapping[int, Any]) -> Any:
+    """``value`` of which nothing moves by a function; ``first`` is what functions, by their id, gave for t = 0.
+
+    Members, which are the twin's own, are changed: what a component sets in each tick, they have to themselves.
+    """
+    if id(value) in first:
+        return partial(_constant, first[id(value)])
+    if isinstance(value, Member):
+        value.__dict__.update({name: _still(inner, first) for name, inner in value.__dict__.items()}, set_by=None)
+        return value
+    if type(value) in (list, tuple):
+        return type(value)(_still(one, first) for one in value)
+    return value.still() if hasattr(type(value), "still") else value
+
+
+def _constant(value: Any, _: float) -> Any:
+    return value

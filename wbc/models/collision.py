@@ -8,7 +8,7 @@ convex hulls.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, final
 
@@ -50,12 +50,15 @@ class Obstacle:
     name: str
     shape: Shape
     pose: Any
+    _first: Any = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if not isinstance(self.shape, Shape):
             raise InvalidInput(f"obstacle {self.name!r}: {self.shape!r} is no Box, Sphere, Cylinder or Mesh")
-        if not isinstance(self.at(0.0), pin.SE3):
+        first = self.at(0.0)
+        if not isinstance(first, pin.SE3):
             raise InvalidInput(f"obstacle {self.name!r}: a pose is a pinocchio.SE3 or a function of time giving one")
+        object.__setattr__(self, "_first", first)
 
     @classmethod
     def between(cls, name: str, start: Mat, end: Mat, rate: float, radius: float) -> Obstacle:
@@ -82,6 +85,11 @@ class Obstacle:
     def at(self, t: float) -> Any:
         """The pose at time t [s]."""
         return self.pose(t) if callable(self.pose) else self.pose
+
+    def still(self) -> Obstacle:
+        """The same where it was at t = 0, still a function of time if it was one: that function is not called."""
+        first = self._first
+        return replace(self, pose=lambda _: first) if self.moves else self
 
 
 @final

@@ -349,6 +349,13 @@ class Binding:
         same.__dict__.update(tie.base or {})
         return same
 
+    def followed(self) -> Iterator[Target]:
+        """What the copies follow, and what they would follow were it not overridden."""
+        for tie in self._ties.values():
+            for value in (*tie.own.__dict__.values(), *(tie.base or {}).values()):
+                if isinstance(value, Target):
+                    yield value
+
     def override(self, settings: Mapping[str, Mapping[str, Any]]) -> None:
         """In force are, of the members of these names, ``settings``; of all others what users assigned.
 

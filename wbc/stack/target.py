@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from functools import partial
 from numbers import Real
 from typing import Any, final
@@ -33,6 +34,7 @@ class Target:
         "_name",
         "_shape",
         "_still",
+        "first",
         "function",
         "has_rates",
         "rate",
@@ -45,6 +47,8 @@ class Target:
         self._name, self._shape, self._convert = name, (dim,), convert
         #: The function of time that it is; None for a value.
         self.function: Callable[[float], Any] | None = None
+        #: What the function gave for t = 0.
+        self.first: Any = None
         self.value: Any = None
         self._still = np.zeros(dim)
         self.rate = self.second = self._still
@@ -53,10 +57,10 @@ class Target:
         if callable(value):
             self.function = value
             try:
-                first = value(0.0)
+                self.first = value(0.0)
             except Exception as cause:
                 raise MemberFailed(name, cause) from cause
-            self.value = convert(name, self._without_rates(first, strict=True), True)
+            self.value = convert(name, self._without_rates(self.first, strict=True), True)
         else:
             self.value = convert(name, value, True)
 
@@ -68,6 +72,12 @@ class Target:
                 value = self._without_rates(value, strict=False)
             self.value = self._convert(self._name, value, False)
         return self
+
+    def still(self) -> Target:
+        """The same with the value of now, whatever the time: no function is called."""
+        same = copy(self)
+        same.function = None
+        return same
 
     def _without_rates(self, result: Any, strict: bool) -> Any:
         """The value of what a function gave, whose rate and acceleration are read where there are some."""
