@@ -161,6 +161,19 @@ def test_a_controller_is_made_anew_from_its_settings(way: str) -> None:
     np.testing.assert_allclose(same.tick(0.0, q, v).a, controller.tick(0.0, q, v).a, atol=1e-9)
 
 
+def test_a_copy_of_a_controller_leaves_the_memory_of_components_alone(way: str) -> None:
+    observer = MomentumObserver(gain=100.0, threshold=1.0)
+    stack = wbc.Stack([Posture(ARM.q0)], subject_to=[TorqueLimits()], components=[observer])
+    controller = wbc.Controller(ARM, stack, level=wbc.InverseDynamics())
+    for k in range(3):
+        controller.tick(1e-3 * k, ARM.q0, np.full(ARM.nv, 0.1 * k))
+    known = observer.signals()["residual"].copy()
+    same = WAYS[way](controller)
+    assert same.components[0] is not observer and same.stack.tasks[0] is not stack.tasks[0]
+    assert known.any() and np.array_equal(observer.signals()["residual"], known)
+    assert same.tick(0.0, ARM.q0, np.zeros(ARM.nv)).status.ok and np.array_equal(observer.signals()["residual"], known)
+
+
 def test_a_lambda_is_refused_as_python_refuses_it(way: str) -> None:
     task = CenterOfMass(target=lambda t: [0.0, 0.0, t])
     if way == "pickle":

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
+from copy import deepcopy
 from functools import partial
 from pathlib import Path
 from typing import Any, final
@@ -133,6 +134,10 @@ class Controller(Solving):
             "recovery": self.fallbacks.recovery, "watchdog": self.watch.settings,
         }  # fmt: skip
         return partial(Controller, **settings), (self.model, self.stack)
+
+    def __copy__(self) -> Controller:
+        """The same as ``copy.deepcopy``: components have memory, so a copy has its own, and its own members."""
+        return deepcopy(self)
 
     def replace(self, stack: Stack) -> None:
         """Replace the stack from the next tick on; call it between ticks.
