@@ -69,8 +69,9 @@ CASES = [(when, name) for when, names in ON.items() for name in names]
 @pytest.mark.parametrize(("when", "name"), CASES, ids=[name for _, name in CASES])
 def test_no_tick_raises_and_why_names_the_hook(when: str, name: str, wrong: str, monkeypatch: Any) -> None:
     task, contact, barrier = members(name)
+    others = [Point(foot, friction=0.6) for foot in list(ROBOT.feet)[1:]]
     stack = wbc.Stack(
-        [task, Posture(ROBOT.q0, weight=1e-2)], contacts=[contact, *(Point(foot, friction=0.6) for foot in list(ROBOT.feet)[1:])],
+        [task, Posture(ROBOT.q0, weight=1e-2)], contacts=[contact, *others],
         subject_to=[JointLimits(), TorqueLimits(), barrier],
     )  # fmt: skip
     controller = wbc.Controller(ROBOT, stack, level=wbc.InverseDynamics())
