@@ -24,7 +24,8 @@ LEVELS = ("acceleration", "velocity")
 def unlimited(n: int, dt: float, braking: float | None = None) -> JointIntervals:
     """Of n joints without limits; ``braking`` is what a constraint on positions says."""
     model: Any = SimpleNamespace(nj=n, joint_names=tuple(f"joint {i}" for i in range(n)), joint_units=("rad",) * n)
-    none: Any = SimpleNamespace(quantity="position", name="", braking=braking, bounds=lambda _: (-np.inf, np.inf))
+    bounds = np.full(n, -np.inf), np.full(n, np.inf)
+    none: Any = SimpleNamespace(quantity="position", name="", braking=braking, bounds=lambda _: bounds)
     return JointIntervals([none], model, dt)
 
 
