@@ -24,7 +24,7 @@ LOOP = OPTIMISATION_AND_ROBOTS | {"methods", "stack"}
 ARROWS = {
     "errors": set(),
     "types": {"errors"},
-    "checks": {"errors", "types"},
+    "checks": {"errors", "tolerances", "types"},
     "compiled": {"errors"},
     "tolerances": set(),
     "friction": {"errors", "types", "checks"},

@@ -8,7 +8,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from wbc.errors import InvalidInput
-from wbc.types import Vec
+from wbc.tolerances import MET
+from wbc.types import Mat, Vec
 
 #: No length, angle, gain or weight that means something is larger; sums and squares of smaller ones keep their digits.
 LARGEST = 1e15
@@ -293,6 +294,21 @@ def shown(value: Any) -> str:
     except Exception as cause:
         return f"a {type(value).__name__} (its repr raised {type(cause).__name__})"
     return text if len(text) <= 200 else f"{text[:200]}..."
+
+
+def rotation(name: str, matrix: Mat) -> None:
+    """Refuse numbers (3, 3), all finite, that are no rotation.
+
+    Raises:
+        InvalidInput: R Rᵀ is not the identity, or the matrix is a mirror image.
+    """
+    (a, b, c), (d, e, f), (g, h, i) = matrix.tolist()
+    long = max(abs(a * a + b * b + c * c - 1.0), abs(d * d + e * e + f * f - 1.0), abs(g * g + h * h + i * i - 1.0))
+    off = max(long, abs(a * d + b * e + c * f), abs(d * g + e * h + f * i), abs(g * a + h * b + i * c))
+    if off > MET:
+        raise InvalidInput(f"{name} is not a rotation: R Rᵀ differs from the identity by {off:.2g}; allowed is {MET:g}")
+    if a * (e * i - f * h) < b * (d * i - f * g) - c * (d * h - e * g):
+        raise InvalidInput(f"{name} is not a rotation: its determinant is -1 (a mirror image)")
 
 
 def gains(name: str, value: Any, size: int) -> Vec:

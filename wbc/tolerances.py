@@ -24,6 +24,8 @@ SAME: Final = 1e-9
 ACCURACY: Final = 1e-9
 #: An answer this near to the optimum, as a share of it, is as good as exact: the root of what a number is off by.
 SHARP: Final = 1e-8
+#: Numbers [m, rad, m/s or rad/s] beyond which no state and no pose can be: their own rounding would be felt.
+HUGE: Final = 1.0 / SHARP
 #: An answer is within this share of where it would be without rounding, and at a bound that is no farther away.
 NEAR: Final = 1e-7
 #: A limit is met that is exceeded by no more than this, in the limit's own unit (1e-6 N m, 1 µrad, 1 µm/s).

@@ -115,7 +115,11 @@ class CollisionAvoidance(Barrier):
             self._distances.reset()
 
     def closest(self, state: RobotState) -> list[tuple[str, str, float]]:
-        """The pairs that have a row in this state, the nearest first: two names and their distance [m]."""
+        """The pairs that have a row in this state, the nearest first: two names and their distance [m].
+
+        Raises:
+            InvalidInput: an obstacle has no pose at the time of the state.
+        """
         self.prepare(state.model)
         distances = self._distances
         assert distances is not None, "it is prepared"

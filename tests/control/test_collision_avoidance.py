@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from typing import Any
 
@@ -215,3 +216,34 @@ def test_what_makes_no_sense_is_refused(arguments: dict[str, Any], said: str):
 def test_an_unknown_link_is_refused_when_the_stack_is_compiled():
     with pytest.raises(UnknownName, match="there is no link or obstacle 'fore'"):
         towards(START, [CollisionAvoidance(pairs=[("fore", "base")])], VelocityLevel())
+
+
+@pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
+@pytest.mark.parametrize(
+    ("lost", "said"),
+    [(at(np.full(3, np.nan)), "has the number nan"), (at(np.full(3, 1e200)), "has the number 1e[+]200"),
+     (pin.SE3(5.0 * np.eye(3), START), "is not a rotation"), (None, "is None; a pose is a pinocchio.SE3")],
+    ids=["nan", "huge", "scaled", "none"],
+)  # fmt: skip
+def test_a_pose_that_is_none_fails_its_tick_and_no_other(level: Any, lost: Any, said: str):
+    good = at(START + np.array([0.12, 0.0, 0.0]))
+    now = [good]
+    ball = Obstacle("ball", Sphere(0.05), lambda _: now[0])
+    controllers = [towards(START + np.array([0.35, 0.0, 0.0]), [CollisionAvoidance([ball])], level) for _ in range(2)]
+    for controller in controllers:
+        controller.tick(0.0, ARM.q0, np.zeros(ARM.nv))
+    now[0] = lost
+    failed = controllers[0].tick(DT, ARM.q0, np.zeros(ARM.nv))
+    assert failed.status is Status.FAILED
+    assert re.match(
+        f"CollisionAvoidance.fill raised InvalidInput: the pose of obstacle 'ball' at 0.001 s {said}",
+        controllers[0].why,
+    )
+    now[0] = good
+    for _ in range(2):
+        for k in range(2, 5):
+            commands = [controller.tick(k * DT, ARM.q0, np.zeros(ARM.nv)) for controller in controllers]
+            assert commands[0].status is Status.SOLVED
+            margins = [controller.plan.margins()["CollisionAvoidance"][1] for controller in controllers]
+            assert margins[0].tobytes() == margins[1].tobytes()
+        controllers[0].reset()

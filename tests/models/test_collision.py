@@ -86,7 +86,51 @@ def test_what_was_read_before_changes_no_bit_of_any_pair():
     for i in (0, 3, 1, 2, 2, 0, 3):
         assert fresh[i] == bits(again, states[i])
     again.reset()
+    assert (again._near.measured == -np.inf).all()
     assert fresh[1] == bits(again, states[1])
+
+
+NO_POSES = [
+    (np.eye(3), [0.4, np.nan, 0.4], "has the number nan; each must be finite"),
+    (np.eye(3), [np.inf, 0.1, 0.4], "has the number inf; each must be finite"),
+    (np.eye(3), [-1e200, 0.1, 0.4], r"has the number -1e\+200; each must be finite and below 1e\+08"),
+    (np.full((3, 3), np.nan), [0.4, 0.1, 0.4], "has the number nan"),
+    (np.diag([1.0, 1.0, np.nan]), [0.4, 0.1, 0.4], "has the number nan"),
+    (5.0 * np.eye(3), [0.4, 0.1, 0.4], "is not a rotation: R Rᵀ differs from the identity by 24"),
+    (np.zeros((3, 3)), [0.4, 0.1, 0.4], "is not a rotation: R Rᵀ differs from the identity by 1;"),
+    (np.diag([1.0, 1.0, -1.0]), [0.4, 0.1, 0.4], "is not a rotation: its determinant is -1"),
+]
+
+
+@pytest.mark.parametrize(("rotation", "place", "said"), [*NO_POSES, (None, None, "is None; a pose is a pinocchio.SE3")])
+def test_what_is_no_pose_is_refused_by_name_and_forgotten(rotation: Any, place: Any, said: str):
+    good = at(0.4, 0.1, 0.4)
+    now, bad = [good], None if rotation is None else pin.SE3(rotation, np.array(place))
+    few, everything = (
+        Distances(ARM, obstacles=[Obstacle("ball", Sphere(0.1), lambda _: now[0])], count=1000) for _ in range(2)
+    )
+    state = ARM.state()
+    for now[0] in (good, bad, good, at(0.5, 0.1, 0.4), bad, at(0.5, 0.2, 0.4)):
+        if now[0] is bad:
+            with pytest.raises(InvalidInput, match=f"the pose of obstacle 'ball' at 0 s {said}"):
+                few.read(state)
+            continue
+        everything.reset()
+        assert reading(few, state) == reading(everything, state)
+    with pytest.raises(InvalidInput, match=said):
+        Obstacle("ball", Sphere(0.1), bad)
+
+
+@pytest.mark.parametrize("far", [1e5, 1e6, 9e7])
+@pytest.mark.parametrize("shape", [Sphere(0.05), Box((0.1, 0.2, 0.3)), Cylinder(0.05, 0.3)], ids=repr)
+def test_what_is_very_far_is_not_near_and_is_found_when_it_is_back(shape: Any, far: float):
+    places = at(0.4, 0.1, 0.4), at(0.6, far, -0.7 * far)
+    now = [places[0]]
+    distances = Distances(ARM, obstacles=[Obstacle("it", shape, lambda _: now[0])], self_collision=False)
+    state = ARM.state()
+    here = reading(distances, state)
+    for now[0] in 3 * [places[1], places[0]]:
+        assert reading(distances, state) == (here if now[0] is places[0] else {})
 
 
 def test_a_pair_keeps_its_row_while_others_come_and_go():

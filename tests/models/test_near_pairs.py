@@ -192,6 +192,23 @@ def test_what_comes_straight_at_another_is_found_in_the_tick_that_it_is_near(tur
     assert at_once and asked < 130
 
 
+@pytest.mark.parametrize(
+    ("rotation", "place"),
+    [(np.eye(3), [np.nan, 0, 0]), (np.full((3, 3), np.nan), [3, 0, 0]), (np.eye(3), [1e200, 0, 0]),
+     (np.eye(3), [1e15, 0, 0]), (np.eye(3), [3e10, 0, 0])],
+)  # fmt: skip
+def test_what_had_no_place_is_measured_again(rotation: Mat, place: Any):
+    """It comes back just within reach, where a way with few digits, or none, would hide it."""
+    near, fresh = (two(coal.Sphere(0.1), coal.Box(0.2, 0.2, 0.2), reach=0.1) for _ in range(2))
+    far, here = (pin.SE3(np.eye(3), np.array([x, 0.0, 0.0])) for x in (0.4, 0.3 - 1e-8))
+    lost = pin.SE3(rotation, np.array(place, dtype=np.float64))
+    for first in 2 * [far, lost, here]:
+        near.data.oMg[0], near.data.oMg[1] = first, pin.SE3.Identity()
+        seen = found(near)
+    assert seen == [0]
+    assert (near.line[0] == between(fresh, here, pin.SE3.Identity())).all()
+
+
 def things(rng: np.random.Generator) -> list[Obstacle]:
     """Shapes that fly and turn, straight on, at the robot."""
     flying = []

@@ -8,9 +8,10 @@ import numpy as np
 
 from wbc import checks
 from wbc.compiled import Memory
-from wbc.control.compiled.measured_kernel import HUGE, spoilt
+from wbc.control.compiled.measured_kernel import spoilt
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
+from wbc.tolerances import HUGE
 from wbc.types import Vec
 
 _NUMBERS = np.dtype(np.float64)

@@ -22,6 +22,7 @@ from wbc.models.geometry import Cylinder, Geometry, Shape
 from wbc.models.model import RobotModel, RobotState
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.models.separation import always_apart
+from wbc.tolerances import HUGE
 from wbc.types import Index, Mat, Vec
 
 #: Rows that there are by default besides two for each pair that has one in the reference configuration, and the most.
@@ -36,6 +37,9 @@ _STEP, _JUMPS = 1e-4, 1e2
 @dataclass(frozen=True)
 class Obstacle:
     """Something in the world to keep away from: a shape at ``pose``, an SE3, or a function of time [s] giving one.
+
+    Raises:
+        InvalidInput: the shape is none, or the pose at time 0 is none.
 
     Example:
         >>> import numpy as np, pinocchio
@@ -55,10 +59,7 @@ class Obstacle:
     def __post_init__(self) -> None:
         if not isinstance(self.shape, Shape):
             raise InvalidInput(f"obstacle {self.name!r}: {self.shape!r} is no Box, Sphere, Cylinder or Mesh")
-        first = self.at(0.0)
-        if not isinstance(first, pin.SE3):
-            raise InvalidInput(f"obstacle {self.name!r}: a pose is a pinocchio.SE3 or a function of time giving one")
-        object.__setattr__(self, "_first", first)
+        object.__setattr__(self, "_first", self.at(0.0))
 
     @classmethod
     def between(cls, name: str, start: Mat, end: Mat, rate: float, radius: float) -> Obstacle:
@@ -83,8 +84,21 @@ class Obstacle:
         return callable(self.pose)
 
     def at(self, t: float) -> Any:
-        """The pose at time t [s]."""
-        return self.pose(t) if callable(self.pose) else self.pose
+        """The pose at time t [s].
+
+        Raises:
+            InvalidInput: it is no SE3, not finite, as large as no place is, or not a rotation.
+        """
+        pose = self.pose(t) if callable(self.pose) else self.pose
+        name = f"the pose of obstacle {self.name!r} at {t:g} s"
+        if not isinstance(pose, pin.SE3):
+            shown = checks.shown(pose)
+            raise InvalidInput(f"{name} is {shown}; a pose is a pinocchio.SE3 or a function of time giving one")
+        for number in pose.homogeneous.ravel().tolist():
+            if not -HUGE < number < HUGE:
+                raise InvalidInput(f"{name} has the number {number:g}; each must be finite and below {HUGE:g}")
+        checks.rotation(name, pose.rotation)
+        return pose
 
     def still(self) -> Obstacle:
         """The same where it was at t = 0, still a function of time if it was one: that function is not called."""
@@ -118,7 +132,7 @@ class Distances:
     robot cannot stop at once, a pair that approaches at u [m/s] is within reach also at margin + 2 u ``ahead``.
 
     Distances depend on the state alone; what was measured before only spares work. The first reading measures all
-    pairs. ``reset`` makes all rows free.
+    pairs, and so does the first after a ``reset``, which makes all rows free.
 
     Left out are shapes that no joint moves against each other, those of neighbouring links, and what two joints or
     fewer cannot bring within ``margin``. With ``pairs=None`` also what is nearer than that in the reference
@@ -292,13 +306,18 @@ class Distances:
         near.write_to(PairRows(self._row_of, self.which, self.distance, self.jacobian, self.rate, self.drift))
 
     def reset(self) -> None:
-        """Make all rows free."""
+        """Make all rows free, and forget what was measured."""
+        self._near.forget()
         self._held.fill(-1)
         self._row_of.fill(-1)
 
     # ---- the tick
     def read(self, state: RobotState) -> None:
-        """Measure the pairs of this state."""
+        """Measure the pairs of this state.
+
+        Raises:
+            InvalidInput: an obstacle has no pose at this time or beside it; what was measured before is kept.
+        """
         J = state.joint_columns  # and with them the placements of the joints
         near = self._near
         pin.updateGeometryPlacements(self.model.pinocchio, state.data, self._geometry, near.data)

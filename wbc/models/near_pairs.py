@@ -65,6 +65,10 @@ class NearPairs:
             self._sizes,
         )  # fmt: skip
 
+    def forget(self) -> None:
+        """Have the next reading measure all pairs."""
+        self.measured.fill(-np.inf)
+
     def read(self, J: Mat, v: Vec, *, speeds: bool) -> Index:
         """The numbers of the lines of near pairs; ``J`` (6, nv) columns of the joints about the world's origin."""
         self._columns[:], self._v[:] = J.T, v

@@ -14,10 +14,8 @@ from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
 from wbc.stack.objective import Objective
 from wbc.stack.target import Convert, Target, floats, shaped
-from wbc.tolerances import MET
 from wbc.types import Index, Mat, Vec
 
-_IDENTITY = np.eye(3)
 _SE3, _log3 = pinocchio.SE3, pinocchio.log3
 
 
@@ -82,7 +80,7 @@ def pose_target(name: str, value: Any, strict: bool) -> tuple[Mat, Vec]:
     if strict:
         if matrix[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
             raise InvalidInput(f"{name}: the last row of a pose is 0 0 0 1, not {matrix[3]}")
-        _check_rotation(name, matrix[:3, :3])
+        checks.rotation(name, matrix[:3, :3])
     return matrix[:3, :3], matrix[:3, 3]
 
 
@@ -94,7 +92,7 @@ def rotation_target(name: str, value: Any, strict: bool) -> Mat:
     """
     matrix = shaped((3, 3), name, value, strict)
     if strict:
-        _check_rotation(name, matrix)
+        checks.rotation(name, matrix)
     return matrix
 
 
@@ -137,12 +135,3 @@ def rotation_error(target: Mat, actual: Mat) -> Vec:
     """log(target actualᵀ): the rotation vector [rad], world axes, that turns ``actual`` into ``target``."""
     error: Vec = _log3(dgemm(1.0, target, actual, 0.0, None, 0, 1))
     return error
-
-
-def _check_rotation(name: str, matrix: Mat) -> None:
-    off = float(np.abs(np.dot(matrix, matrix.T) - _IDENTITY).max())
-    if off > MET:
-        raise InvalidInput(f"{name} is not a rotation: R Rᵀ differs from the identity by {off:.2g}; allowed is {MET:g}")
-    x, y, z = matrix.tolist()
-    if x[0] * (y[1] * z[2] - y[2] * z[1]) < x[1] * (y[0] * z[2] - y[2] * z[0]) - x[2] * (y[0] * z[1] - y[1] * z[0]):
-        raise InvalidInput(f"{name} is not a rotation: its determinant is -1 (a mirror image)")

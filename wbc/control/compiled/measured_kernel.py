@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from wbc.compiled import carray, entry, floats, integers
-from wbc.tolerances import ROUNDING, SHARP
+from wbc.tolerances import HUGE, ROUNDING
 
-#: Numbers [m, rad, m/s or rad/s] beyond which no state can be: their own rounding would be felt.
-HUGE = 1.0 / SHARP
 #: A quaternion whose norm differs from one by no more than this is rounded, and is normalised.
 _ROUNDED = 1e-3
 

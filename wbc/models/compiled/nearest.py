@@ -6,6 +6,9 @@
 holds along any motion, jumps too: points of two shapes come nearer by no more than they move. A rotation by φ moves a
 unit vector by 2 sin φ/2 at most, which is ‖ΔR‖, the Frobenius norm of ΔR over √2.
 
+No NaN hides a pair: a way that is none, or so long that it is rounded, has all pairs measured again; a pair is left out
+where its distance is large enough, not where it is not small enough.
+
 Of a pair there is one line, through the nearest points, and where it is close others through points that are near too;
 see :mod:`wbc.models.compiled.turned`. Line j of pair k has the number k ``LINES`` + j.
 
@@ -32,6 +35,8 @@ from wbc.types import Index, Mat, Vec
 
 #: Rounding of sums of ways [m].
 _ROUNDING = 1e-9
+#: Ways up to here [m] are rounded by less.
+_FAR = 1e6
 #: Shapes of two links count up to this share of the reach further apart than the nearest shapes of the two.
 BESIDE = 0.5
 
@@ -111,7 +116,8 @@ def _copy(simplex: Mat, to: Mat) -> None:
 
 @kernel
 def _move(s: Pairs, b: Bodies) -> None:
-    """The way that each shape has come since the reading before."""
+    """The way that each shape has come since the reading before; all begins anew where a sum would be rounded."""
+    lost = False
     for i in range(len(s.way)):
         new, old = b.placement[i], s.last[i]
         turned = moved = 0.0
@@ -122,6 +128,12 @@ def _move(s: Pairs, b: Bodies) -> None:
         for c in range(12):
             old[c] = new[c]
         s.way[i] += sqrt(moved) + sqrt(0.5 * turned) * s.radius[i]
+        lost |= not s.way[i] <= _FAR
+    if lost:
+        for i in range(len(s.way)):
+            s.way[i] = 0.0
+        for k in range(len(s.measured)):
+            s.measured[k] = -inf
 
 
 @kernel
@@ -175,7 +187,7 @@ def _start(s: Pairs, b: Bodies) -> None:
     for k in range(len(s.pair)):
         s.least[k] = s.measured[k] - s.way[s.pair[k, 0]] - s.way[s.pair[k, 1]] - _ROUNDING
         s.distance[k] = inf
-        if s.least[k] < s.felt[k]:
+        if not s.least[k] >= s.felt[k]:
             i = count
             while i > 0 and s.least[s.order[i - 1]] > s.least[k]:
                 s.order[i] = s.order[i - 1]
@@ -190,7 +202,7 @@ def _note(s: Pairs, k: int) -> None:
     """Pair k has been measured."""
     d = s.line[k * LINES, 0]
     s.measured[k] = d + s.way[s.pair[k, 0]] + s.way[s.pair[k, 1]]
-    if d < s.felt[k]:
+    if not d >= s.felt[k]:
         s.distance[k] = d
         s.nearest[s.links[k]] = min(s.nearest[s.links[k]], d)
 
@@ -266,7 +278,7 @@ def _pull(s: Pairs, k: int, begin: int, end: int) -> int:
         force[5] = x * line[2] - y * line[1]
         for c in range(6):
             speed += force[c] * (B[c] - A[c])
-        if not s.sizes[6] or line[0] < max(reach, margin - 2.0 * ahead * speed):
+        if not s.sizes[6] or not line[0] >= max(margin - 2.0 * ahead * speed, reach):
             s.found[kept], s.drift[kept], s.soon[kept] = s.found[i], s.drift[i], line[0] + ahead * speed
             kept += 1
     return kept
@@ -278,7 +290,7 @@ def _collect(s: Pairs, b: Bodies) -> None:
     beside, count = BESIDE * s.numbers[0], 0
     most = _MOST_CURVATURE * _fastest(s, b) ** 2 if s.sizes[6] else 0.0
     for k in range(len(s.pair)):
-        if s.distance[k] < inf and s.distance[k] <= s.nearest[s.links[k]] + beside:
+        if s.distance[k] != inf and not s.distance[k] > s.nearest[s.links[k]] + beside:
             end = count + _lines(s, b, k)
             for i in range(count, end):
                 s.found[i] = k * LINES + i - count
@@ -286,6 +298,15 @@ def _collect(s: Pairs, b: Bodies) -> None:
                 _bend(s, b, k, most, count, end)
             count = _pull(s, k, count, end)
     s.sizes[5] = count
+
+
+@kernel
+def _between_balls(s: Pairs, b: Bodies, k: int) -> float:
+    """The distance of balls that hold the shapes of pair k: theirs is no smaller."""
+    first, second = s.pair[k, 0], s.pair[k, 1]
+    A, B = b.placement[first], b.placement[second]
+    between = sqrt((A[9] - B[9]) ** 2 + (A[10] - B[10]) ** 2 + (A[11] - B[11]) ** 2)
+    return float(between - s.radius[first] - s.radius[second])
 
 
 @entry
@@ -312,7 +333,9 @@ def measure(at: int) -> int:
             _copy(s.simplex[k], s.start[k])
             s.starts[k] = s.corners[k]
         if s.corners[k] == 0:
-            return int(k)
+            s.line[k * LINES, 0] = _between_balls(s, b, k)
+            if not s.line[k * LINES, 0] > s.felt[k]:
+                return int(k)
         _note(s, k)
     _collect(s, b)
     return -1
