@@ -37,6 +37,42 @@ def test_a_first_state_in_degrees_is_doubted_once():
         control.tick(1e-3, np.full(7, 30.0), np.zeros(7))
 
 
+@pytest.mark.parametrize("far", [400.0, -90.0])
+def test_reference_configurations_in_degrees_are_doubted(far: float):
+    joints = dict.fromkeys(ARM.joint_names, 0.0) | {ARM.joint_names[2]: far}
+    said = f"has {far:g} rad for joint {ARM.joint_names[2]!r}, .*: are these degrees"
+    for q0 in (joints, list(joints.values()), np.array(list(joints.values()))):
+        with pytest.warns(ImplausibleUnit, match=f"^q0 {said}") as found:
+            robot = wbc.load("arm", q0=q0)
+        assert len(found) == 1
+        assert robot.q0[2] == far
+    with pytest.warns(ImplausibleUnit, match=f"^joints {said}"):
+        assert ARM.configuration(joints)[2] == far
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert wbc.load("arm", q0={ARM.joint_names[2]: 2.0}).q0[2] == ARM.configuration({ARM.joint_names[2]: 2.0})[2]
+
+
+@pytest.mark.parametrize("scalar", [1.0, -1.0])
+def test_a_quaternion_with_its_scalar_first_is_doubted_once(scalar: float):
+    humanoid = wbc.load("humanoid")
+    control = wbc.Controller(humanoid, wbc.Stack([Posture(humanoid.q0)]), level=LEVEL)
+    first = np.concatenate([humanoid.q0[:3], [scalar, 0.0, 0.0, 0.0], humanoid.q0[7:]])
+    said = "for the base, which is upside down: quaternions are x, y, z, w here"
+    with pytest.warns(ImplausibleUnit, match=f"^q has .* {said}"):
+        control.tick(0.0, first, np.zeros(humanoid.nv))
+    with pytest.warns(ImplausibleUnit, match=f"^q0 has .* {said}"):
+        wbc.load("humanoid", q0=first)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert control.tick(1e-3, first, np.zeros(humanoid.nv)).status.ok
+        for turned in ([0.0, 0.0, 0.0, scalar], [scalar * 0.6, 0.8, 0.0, 0.0]):
+            control.reset()
+            control.tick(0.0, np.concatenate([first[:3], turned, first[7:]]), np.zeros(humanoid.nv))
+        control.reset()
+        assert control.tick(0.0, first, np.zeros(humanoid.nv)).status.ok  # a warning that is an error is none in a tick
+
+
 def test_what_is_far_but_possible_is_not_doubted():
     humanoid = wbc.load("humanoid")
     with warnings.catch_warnings():

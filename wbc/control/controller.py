@@ -340,6 +340,7 @@ class Controller(Solving):
     def _start(self) -> None:
         with suppress(plausible.ImplausibleUnit):  # where warnings are errors: a tick raises none
             plausible.joints(self.model, "q", self.state.q_joints)
+            plausible.upright(self.model, "q", self.state.q)
         for component in self.components:
             if any(component is one for one in self._kept):
                 continue

@@ -77,8 +77,9 @@ def load(
 
     ``packages`` are further folders that ``package://`` and ``../`` in a file may lead to; meshes, and what an MJCF
     file includes, are taken from the file's own folder, its ROS package and these, never from elsewhere. Meshes that
-    are missing, limits that make no sense, mimic joints, and inertias that no body has
-    (:class:`~wbc.models.plausible.ImplausibleInertia`) are warned about.
+    are missing, limits that make no sense, mimic joints, inertias that no body has
+    (:class:`~wbc.models.plausible.ImplausibleInertia`), and a ``q0`` that looks like degrees
+    (:class:`~wbc.models.plausible.ImplausibleUnit`) are warned about.
 
     Raises:
         UnknownRobot: no such name and no such file; with the names that are near.
@@ -231,6 +232,9 @@ class _Wanted:
             model = None if model is None else _with_frames(model, measured.added)
             robot = PinocchioModel(urdf, base=self.base, name=self.name, feet=measured.feet, model=model)
         configurations = {name: _levelled(robot, _posed(robot, pose)) for name, pose in poses.items()}
+        plausible.joints(robot, "q0", q[robot.nq - robot.nj :])
+        if whole:
+            plausible.upright(robot, "q0", q)
         return robot.replace(q0=q if whole else _levelled(robot, q), configurations=configurations)
 
     def _named(self, robot: PinocchioModel, srdf: Any) -> dict[str, NamedPose]:
@@ -257,7 +261,7 @@ class _Wanted:
             return poses[q0]
         drawn = _drawn(robot)
         if q0 is not None:
-            robot.configuration(q0)
+            robot.posed(q0)
             return drawn | {joint: [position] for joint, position in q0.items()}
         stance = {joint: [position] for joint, position in self.entry.stance.items()}
         name = self.entry.pose
@@ -299,9 +303,7 @@ def _posed(robot: PinocchioModel, pose: NamedPose) -> Vec:
     import pinocchio as pin
 
     positions = {joint: values for joint, values in pose.items() if joint in robot.joint_names and len(values)}
-    q = robot.configuration(
-        {joint: v[0] if len(v) == 1 else float(np.arctan2(v[1], v[0])) for joint, v in positions.items()}
-    )
+    q = robot.posed({joint: v[0] if len(v) == 1 else float(np.arctan2(v[1], v[0])) for joint, v in positions.items()})
     if robot.nb and robot.urdf.base is not None:
         q[:7] = pin.SE3ToXYZQUAT(pin.SE3(robot.urdf.base.matrix))
     base = np.array(pose.get(BASE, ()))

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from wbc import checks
 from wbc.errors import ModelError
+from wbc.models import plausible
 from wbc.models.feet import Foot
 from wbc.models.geometry import Geometry
 from wbc.models.limits import Limits, finite_interval
@@ -90,7 +91,7 @@ class PinocchioModel(RobotModel):
         for foot in self.feet:
             self.check_frame(foot)
         self.configurations = {}
-        self.q0 = frozen(self.configuration({}))
+        self.q0 = frozen(self.posed({}))
 
     def to_pinocchio(self, q: Vec) -> Vec:
         """``q`` (nq,) as Pinocchio's own reading of the robot has it: a joint without end is its cosine and its sine.
@@ -126,11 +127,22 @@ class PinocchioModel(RobotModel):
         """A configuration (nq,) from joint positions by name [rad, m]; the other joints at rest.
 
         At rest is zero, or the middle of the limits where zero is not inside them. A floating base stands upright
-        above the origin, its lowest foot on the ground; without known feet it is at the origin.
+        above the origin, its lowest foot on the ground; without known feet it is at the origin. Positions that look
+        like degrees are warned about.
 
         Raises:
             UnknownJoint: with the names that are near.
             InvalidInput: a position that is not finite.
+        """
+        q = self.posed(joints)
+        plausible.joints(self, "joints", q[self.nq - self.nj :])
+        return q
+
+    def posed(self, joints: Mapping[str, float]) -> Vec:
+        """As :meth:`configuration`, without warnings.
+
+        Raises:
+            UnknownJoint, InvalidInput: as there.
         """
         q = np.concatenate([np.zeros(self.nq - self.nj), _rest(self.limits)])
         for name, position in joints.items():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from math import pi
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from wbc.types import Vec
 
 if TYPE_CHECKING:
     from wbc.models.model import RobotModel
-    from wbc.models.pinocchio_ import PinocchioModel
+    from wbc.models.urdf import Urdf
 
 #: By how much of the largest principal moment it may exceed the sum of the others: files round to two or three digits.
 _ROUNDING = 1e-2
@@ -51,6 +51,12 @@ def joints(model: RobotModel, name: str, positions: Vec) -> None:
         )
 
 
+def upright(model: RobotModel, name: str, q: Vec) -> None:
+    """A free base whose quaternion is (±1, 0, 0, 0) exactly looks like one with its scalar first."""
+    if model.nb == 6 and model.nq - model.nj == 7 and abs(q[3]) == 1.0 and not q[4:7].any():
+        doubt(f"{name} has {q[3:7].tolist()} for the base, which is upside down: quaternions are x, y, z, w here")
+
+
 def position(model: RobotModel, name: str, point: Vec) -> None:
     """Points ten times farther than any frame of a robot with a fixed base is in q0 look like millimetres."""
     far = float(np.abs(point).max(initial=0.0))
@@ -80,7 +86,14 @@ def torques(model: RobotModel, lower: Vec, upper: Vec) -> None:
         )
 
 
-def inertias(robot: PinocchioModel) -> list[str]:
+class Described(Protocol):
+    """A robot with its description."""
+
+    urdf: Urdf
+    pinocchio: Any
+
+
+def inertias(robot: Described) -> list[str]:
     """What is doubtful about each link that moves, with all that is fixed to it: one sentence a link.
 
     Principal moments I₁ <= I₂ <= I₃ of a body of mass m > 0 have I₁ > 0 and I₃ <= I₁ + I₂: I₃ = Σ m (x² + y²) counts
