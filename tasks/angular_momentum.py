@@ -23,7 +23,7 @@ class AngularMomentum(Tracking, KernelTask):
     Source: Orin, Goswami, Lee, Autonomous Robots 2013.
 
     Raises:
-        InvalidInput: a target of another shape.
+        InvalidInput: a target of another shape; when a stack is compiled, a robot without mass.
 
     Example:
         >>> from wbc.tasks import AngularMomentum
@@ -38,6 +38,9 @@ class AngularMomentum(Tracking, KernelTask):
     ) -> None:
         super().__init__(kp=0.0, kd=kd, weight=weight, name=name)
         self.target = target
+
+    def prepare(self, model: RobotModel) -> None:
+        self._refuse_no_mass(model)
 
     def kernel_rows(self) -> KernelRows:
         return KernelRows.tracking(self, "motion.velocity", MOMENTUM, numbers=[1.0, 3, 4, 5])

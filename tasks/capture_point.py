@@ -29,7 +29,8 @@ class CapturePoint(Tracking, KernelLinearTask):
     Humanoids 2006; Englsberger, Ott, Albu-Schäffer, IEEE T-RO 2015.
 
     Raises:
-        InvalidInput: a target of another shape, a height that is not positive.
+        InvalidInput: a target of another shape, a height that is not positive; when a stack is compiled, a robot
+            without mass.
 
     Example:
         >>> from wbc.tasks import CapturePoint
@@ -51,6 +52,7 @@ class CapturePoint(Tracking, KernelLinearTask):
         self.target = target
 
     def prepare(self, model: RobotModel) -> None:
+        self._refuse_no_mass(model)
         self._omega = float(np.sqrt(np.linalg.norm(model.gravity) / self.height))
 
     def kernel_rows(self) -> KernelRows:

@@ -22,7 +22,7 @@ class CentroidalMomentum(Tracking, KernelTask):
     its first, its second derivative); the second is not used. Source: Orin, Goswami, Lee, Autonomous Robots 2013.
 
     Raises:
-        InvalidInput: a target of another shape.
+        InvalidInput: a target of another shape; when a stack is compiled, a robot without mass.
 
     Example:
         >>> from wbc.tasks import CentroidalMomentum
@@ -36,6 +36,9 @@ class CentroidalMomentum(Tracking, KernelTask):
     def __init__(self, *, target: Any = (0.0,) * 6, kd: Any = 10.0, weight: Any = 1.0, name: str | None = None) -> None:
         super().__init__(kp=0.0, kd=kd, weight=weight, name=name)
         self.target = target
+
+    def prepare(self, model: RobotModel) -> None:
+        self._refuse_no_mass(model)
 
     def kernel_rows(self) -> KernelRows:
         return KernelRows.tracking(self, "motion.velocity", MOMENTUM, numbers=[1.0, *range(6)])

@@ -20,7 +20,7 @@ class CenterOfMass(Tracking, KernelTask):
     ``target``: (3,), or a function of time giving it or (position, velocity, acceleration).
 
     Raises:
-        InvalidInput: a target of another shape.
+        InvalidInput: a target of another shape; when a stack is compiled, a robot without mass.
 
     Example:
         >>> from wbc.tasks import CenterOfMass, Sinusoid
@@ -37,6 +37,9 @@ class CenterOfMass(Tracking, KernelTask):
     ) -> None:  # fmt: skip
         super().__init__(kp=kp, kd=kd, rate=rate, weight=weight, name=name)
         self.target = target
+
+    def prepare(self, model: RobotModel) -> None:
+        self._refuse_no_mass(model)
 
     def kernel_rows(self) -> KernelRows:
         return KernelRows.tracking(self, "frame.position", CENTRE, numbers=range(3))

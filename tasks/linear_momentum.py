@@ -22,7 +22,7 @@ class LinearMomentum(Tracking, KernelTask):
     the second is not used.
 
     Raises:
-        InvalidInput: a target of another shape.
+        InvalidInput: a target of another shape; when a stack is compiled, a robot without mass.
 
     Example:
         >>> from wbc.tasks import LinearMomentum
@@ -39,6 +39,7 @@ class LinearMomentum(Tracking, KernelTask):
         self.target = target
 
     def prepare(self, model: RobotModel) -> None:
+        self._refuse_no_mass(model)
         self._mass = model.mass
 
     def kernel_rows(self) -> KernelRows:

@@ -27,7 +27,8 @@ class ZeroMomentPoint(Tracking, KernelLinearTask):
     Source: Vukobratović, Borovac, IJHR 2004; Orin, Goswami, Lee, Autonomous Robots 2013.
 
     Raises:
-        InvalidInput: a target of another shape. NotSupported: when a stack is compiled, gravity that is not along −z.
+        InvalidInput: a target of another shape; when a stack is compiled, a robot without mass. NotSupported: then,
+            gravity that is not along −z.
 
     Example:
         >>> from wbc.tasks import ZeroMomentPoint
@@ -44,6 +45,7 @@ class ZeroMomentPoint(Tracking, KernelLinearTask):
         self.target = target
 
     def prepare(self, model: RobotModel) -> None:
+        self._refuse_no_mass(model)
         if model.gravity[:2].any() or not model.gravity[2] < 0.0:
             raise NotSupported(f"{self.name} needs gravity along −z, not {model.gravity.tolist()}")
         self._mass, self._gravity = model.mass, model.gravity

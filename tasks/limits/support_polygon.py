@@ -24,7 +24,8 @@ class SupportPolygon(KernelBarrier):
     convex hull. ``margin`` [m] is the distance that is kept from every edge.
 
     Raises:
-        InvalidInput: points that span no area, a margin that leaves none.
+        InvalidInput: points that span no area, a margin that leaves none; when a stack is compiled, a robot without
+            mass.
 
     Example:
         >>> import wbc
@@ -69,6 +70,9 @@ class SupportPolygon(KernelBarrier):
             placement = state.frame(name).placement
             corners += [placement.act(np.array(point)) for point, _ in robot.feet[name].lowest()]
         return cls(np.array(corners), **settings)
+
+    def prepare(self, model: RobotModel) -> None:
+        self._refuse_no_mass(model)
 
     def kernel_rows(self) -> KernelRows:
         numbers = np.column_stack([self._normals, np.zeros(self.dim), self._offsets])

@@ -17,15 +17,18 @@ from hypothesis import strategies as st
 import tasks
 import wbc
 from tests.tasks.rows_of import linear_rows, rows
+from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
 from wbc.stack.component import Component
 from wbc.stack.constraint import Constraint
 from wbc.stack.contact import Contact
+from wbc.stack.kernel_rows import CENTRE, MOMENTUM, kernel_rows_of
 from wbc.stack.member import UnknownArgument, UnknownSetting, WrongArguments, bound
 from wbc.stack.task import LinearTask, Objective, Task
 from wbc.stack.tracking import Tracking
 from wbc.testing import check_constraint, check_contact, check_task, moments, robots
 
+HUMANOID = robots()[2]
 KINDS = {Objective: check_task, Constraint: check_constraint, Contact: check_contact}
 LIBRARY = Path(tasks.__file__).parent
 #: Folders of the package that hold programs, not members.
@@ -46,6 +49,27 @@ def test_a_member_keeps_the_contract(member: Any, robot: RobotModel):
     check = next(check for kind, check in KINDS.items() if issubclass(member, kind))
     for sample in member.samples(robot):
         check(sample, robot)
+
+
+@pytest.mark.parametrize("base", ["fixed", "floating"])
+def test_a_robot_without_mass_has_no_centre_of_mass(tmp_path: Path, base: Any):
+    hinge = '<parent link="a"/><child link="b"/><limit lower="-1" upper="1" velocity="1" effort="1"/>'
+    links = '<link name="a"/><link name="b"/>'
+    path = tmp_path / "light.urdf"
+    path.write_text(f'<robot name="light">{links}<joint name="hinge" type="revolute">{hinge}</joint></robot>')
+    with pytest.warns(UserWarning, match="no inertia moves with"):
+        light = wbc.load(path, base=base)
+    refused = set()
+    for sample in (sample for member in MEMBERS for sample in member.samples(HUMANOID)):
+        said = kernel_rows_of(bound(sample, HUMANOID))
+        if said is not None and {CENTRE, MOMENTUM} & set(said.of):
+            stack = wbc.Stack([sample]) if isinstance(sample, Objective) else wbc.Stack([], subject_to=[sample])
+            with pytest.raises(
+                InvalidInput, match=f"^light has no mass, so {sample.name} has no centre of mass to speak of$"
+            ):
+                wbc.Controller(light, stack, level=wbc.AccelerationLevel())
+            refused.add(type(sample).__name__)
+    assert len(refused) == 7
 
 
 @pytest.mark.parametrize("member", MEMBERS, ids=lambda member: member.__name__)
