@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from wbc.control.recorder import Run
 from wbc.models import load
@@ -247,3 +248,20 @@ def test_folds_are_open_while_the_page_is_printed(tab: Browser, tmp_path: Path):
     assert tab.run(folded) == before
     tab.printed(tmp_path / "page.pdf")
     assert (tmp_path / "page.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_the_floor_is_there_where_the_camera_is_near(tab: Browser, tmp_path: Path):
+    left, top, width, height = tab.run(
+        """(() => { const box = document.querySelector('[data-scene]');
+        box.scrollIntoView({block: "start", behavior: "instant"});
+        const r = box.getBoundingClientRect(); return [r.left, r.top, r.width, r.height]; })()"""
+    )
+    for _ in range(8):
+        tab.call("Input.dispatchMouseEvent", type="mouseWheel", x=left + width / 2, y=top + height / 2,
+                 deltaX=0, deltaY=-120)  # fmt: skip
+    tab.settle()
+    tab.picture(tmp_path / "near.png")
+    with Image.open(tmp_path / "near.png") as picture:
+        box = (int(left) + 8, int(top + 0.5 * height), int(left + 0.2 * width), int(top + height) - 8)
+        beside = np.asarray(picture.convert("L").crop(box))
+    assert np.count_nonzero(beside < 215) > 20  # the middle line, darker than the others, passes behind the camera

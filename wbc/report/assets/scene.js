@@ -28,6 +28,22 @@ window.scenes = ({ data, followers, clock, go }) => {
     return whole;
   }
 
+  // A grid of lines that are cut at every crossing: some renderers drop a whole line that passes behind the camera.
+  function grid(size, cells, ...colours) {
+    const whole = new THREE.GridHelper(size, cells, ...colours);
+    for (const name of ["position", "color"]) {
+      const { array } = whole.geometry.getAttribute(name), cut = new Float32Array(cells * array.length);
+      for (let line = 0; line < array.length; line += 6) {
+        for (let end = 0; end < 2 * cells; end++) {
+          const s = Math.ceil(end / 2) / cells;
+          for (let k = 0; k < 3; k++) cut[cells * line + 3 * end + k] = (1 - s) * array[line + k] + s * array[line + 3 + k];
+        }
+      }
+      whole.geometry.setAttribute(name, new THREE.BufferAttribute(cut, 3));
+    }
+    return whole;
+  }
+
   function build(box) {
     const first = data.scenes[box.dataset.scene], size = first.size;
     const middle = new THREE.Vector3(...first.middle);
@@ -54,7 +70,7 @@ window.scenes = ({ data, followers, clock, go }) => {
     const paint = () => {
       scene.background = new THREE.Color(dark.matches ? 0x171c22 : 0xffffff);
       if (floor) scene.remove(floor);
-      floor = new THREE.GridHelper(8, 32, dark.matches ? 0x4a545f : 0xb9c1c9, dark.matches ? 0x2b333b : 0xdfe3e7);
+      floor = grid(8, 32, dark.matches ? 0x4a545f : 0xb9c1c9, dark.matches ? 0x2b333b : 0xdfe3e7);
       floor.rotation.x = Math.PI / 2;
       floor.position.set(Math.round(middle.x), Math.round(middle.y), 0);
       scene.add(floor);
