@@ -31,14 +31,19 @@ class ArmReach(Scenario):
     speed limits until they have caught up.
 
     ``level``: velocity (joint speeds are the command, on the integrator) or dynamics (torques; on the integrator or in
-    MuJoCo). ``robot``: panda (needs example-robot-data) or arm. ``frame``: what follows, by default the robot's tool.
+    MuJoCo). ``robot``: panda (needs example-robot-data) or arm. ``frame``: what follows, or auto for the robot's tool.
     """
 
     name: ClassVar[str] = "arm-reach"
     group: ClassVar[str] = "arms"
     takes = 8.0
     summary: ClassVar[str] = "an arm follows a moving pose through a step beyond its speed limits"
-    parameters: ClassVar[Mapping[str, Parameter]] = {"robot": "panda", "level": "velocity", "step": 0.25, "frame": ""}
+    parameters: ClassVar[Mapping[str, Parameter]] = {
+        "robot": "panda",
+        "level": "velocity",
+        "step": 0.25,
+        "frame": "auto",
+    }
     plants = ("integrator", "mujoco")
     duration = 4.0
 
@@ -50,7 +55,8 @@ class ArmReach(Scenario):
                 f"the step comes at {STEP_TIME:g} s"
             )
         robot = wbc.load(p["robot"], base="fixed")
-        frame, level = p["frame"] or tool(robot), _level(p["level"], p.settings.plant)
+        level = _level(p["level"], p.settings.plant)
+        frame = tool(robot, "say --set frame=NAME") if p["frame"] in ("", "auto") else p["frame"]
         plant = arm_plant(robot, p.settings.plant, level="velocity" if level.order == 1 else "acceleration")
         return Setup(stack=_stack(robot, frame, p["step"], level), plant=plant, level=level)
 
@@ -67,7 +73,8 @@ class ArmReach(Scenario):
             "speed_use": float(measure.use(run)["velocity"].max()),
             "catch_up_s": float(t[late[-1]] - STEP_TIME) if len(late) else 0.0,
         }
-        where = measure.place(run, np.where(caught_up, error, 0.0), np.inf, plot=f"tracking.{task}")
+        behind = np.where(caught_up, error, 0.0)
+        where = measure.place(run, behind, np.inf, [task], plot=f"tracking.{task}")
         checks = [
             Check("position error after catching up, rms", tracking[task]["rms"], "<", 2e-3, "m", where),
             *judge.common_checks(run),
@@ -75,10 +82,33 @@ class ArmReach(Scenario):
         return judge.verdict(trial, checks, tracking=tracking, figures=figures)
 
 
-def tool(robot: RobotModel) -> str:
-    """The frame of an arm that works."""
+def tool(robot: RobotModel, otherwise: str = "take an arm that has one") -> str:
+    """The frame of an arm that works: known by its name, or the farthest on the one link that no joint moves further.
+
+    Raises:
+        InvalidInput: there are several such links; the sentence says what to do ``otherwise``.
+    """
     named = TOOLS.get(robot.name.lower(), "")
-    return named if named in robot.frame_names else robot.frame_names[-1]
+    if named in robot.frame_names:
+        return named
+    ends = _ends(robot)
+    if len(ends) > 1:
+        raise InvalidInput(
+            f"the robot {robot.name!r} has {len(ends)} ends, such as {', '.join(ends[:4])}, and none is known to be "
+            f"its tool; {otherwise}"
+        )
+    return ends[0]
+
+
+def _ends(robot: RobotModel) -> list[str]:
+    """The farthest frame on each link that no joint moves further, those behind most joints first."""
+    model, found = robot.pinocchio, dict[int, tuple[float, str]]()
+    for name, index in robot.frames.items():
+        frame = model.frames[index]
+        far = round(float(np.linalg.norm(frame.placement.translation)), 9)
+        if not len(model.children[frame.parentJoint]) and far > found.get(frame.parentJoint, (-1.0,))[0]:
+            found[frame.parentJoint] = far, name
+    return [found[joint][1] for joint in sorted(found, key=lambda joint: -len(model.supports[joint]))]
 
 
 def following(robot: RobotModel, components: Sequence[Any] = ()) -> wbc.Stack:

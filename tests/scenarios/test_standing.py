@@ -97,6 +97,14 @@ def test_the_tool_of_an_arm_is_what_it_is_called(name: str) -> None:
     assert tool(wbc.load(name)) == TOOLS[name]
 
 
+def test_the_tool_of_another_robot_is_its_one_end_or_must_be_named() -> None:
+    arm = wbc.load("arm")
+    arm.name = "another"
+    assert tool(arm) == "tool"
+    with pytest.raises(InvalidInput, match=r"'humanoid' has 5 ends, such as left_hand, .*; say --set frame=NAME"):
+        run("arm-reach", "robot=humanoid")
+
+
 @pytest.mark.parametrize(
     "settings, plant",
     [([], "integrator"), (["level=dynamics"], "integrator"), (["level=dynamics"], "mujoco")],
@@ -107,6 +115,7 @@ def test_an_arm_runs_into_its_speed_limits_and_catches_up(settings: list[str], p
     assert not failed(result)
     assert result.figures["speed_use"] == pytest.approx(1.0, abs=1e-6), "the step never reached a limit"
     assert result.figures["catch_up_s"] > 0.1
+    assert result.verdict[0].place.part == "Frame[tool]"
 
 
 @pytest.mark.physics
