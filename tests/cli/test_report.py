@@ -119,7 +119,12 @@ def test_a_record_of_an_unknown_robot_is_drawn_when_one_is_given(wbc, waving: st
     assert wbc("run", waving, "--out", "r").code == 0
     meta = json.loads((tmp_path / "r" / "meta.json").read_text())
     (tmp_path / "r" / "meta.json").write_text(json.dumps(meta | {"robot": "mine"}))
+    page = tmp_path / "r" / "report.html"
+    first = page.read_bytes()
     answer = wbc("report", "run", "r", "--again")
+    assert answer.code != 0 and "shows the robot 'mine'" in answer.err and page.read_bytes() == first
+    page.unlink()
+    answer = wbc("report", "run", "r")
     assert answer.code == 0 and answer.err == (
         "note: the motion is not drawn: the run's robot cannot be loaded by its name; give --robot\n"
     )

@@ -68,6 +68,16 @@ def test_a_spoilt_run_costs_the_page_only_that_run(folder: Path, text: str):
     assert "unreadable" in save_index(folder).read_text(encoding="utf-8")
 
 
+def test_a_run_that_fell_has_the_time_until_it_did(tmp_path: Path):
+    for name, ended in (("fell", "fallen at t = 1.981 s"), ("stood", "complete")):
+        run = reaching_run()
+        run.meta |= {"duration": 4.0, "ended": ended}
+        run.save(tmp_path / name)
+    found = table(tmp_path)
+    simulated = list(found.columns).index("simulated [s]")
+    assert [row[simulated] for row in found.rows] == [1.981, 4.0]
+
+
 def test_only_settings_that_differ_are_columns(folder: Path):
     columns = table(folder / "scenarios").columns
     assert columns == ("", "run", "verdict", "not met", "gain")

@@ -75,6 +75,9 @@ def test_a_robot_that_the_name_does_not_give_is_not_drawn(name: str, tmp_path: P
     assert drawn is None and page.is_file() and "## Motion" not in (tmp_path / "r" / "report.md").read_text()
     again, drawn = report_again(tmp_path / "r", robot=wbc.load("arm"))
     assert drawn is not None and "## Motion" in (again.parent / "report.md").read_text()
+    with pytest.raises(InvalidInput, match=r"report.html shows the robot .* give the robot \(--robot NAME or FILE\)"):
+        report_again(tmp_path / "r")
+    assert "## Motion" in (again.parent / "report.md").read_text()
 
 
 def test_what_is_no_run_is_refused_by_name(tmp_path: Path):

@@ -20,7 +20,7 @@ from wbc.report.document import Address, Cell, Figure, Marked, Report, Section, 
 from wbc.report.folder import HTML
 from wbc.report.html import html
 from wbc.report.markdown import FIGURES
-from wbc.report.record import BESIDE, JUDGED, RESULTS
+from wbc.report.record import BESIDE, JUDGED, MOTION, RESULTS
 from wbc.report.sections import settings
 
 INDEX = "index.html"
@@ -35,6 +35,8 @@ TITLE = "Runs in "
 UNREADABLE = "unreadable"
 #: What stands first of the settings.
 FIRST, PARAMETER = ("scenario", "robot"), "parameters."
+#: When a run ended early, in what its metadata say of its end.
+STOPPED = re.compile(r"\bt = (\d+(?:\.\d+)?) s")
 
 
 def save_index(folder: Place) -> Path:
@@ -151,6 +153,10 @@ def _meta(place: Path) -> Mapping[str, Any] | None:
 
 def _settings(meta: Mapping[str, Any]) -> dict[str, Cell]:
     kept = {key: value for key, value in meta.items() if key not in (UNREADABLE, *RESULTS, *UNSHOWN)}
+    stopped = STOPPED.search(str(meta.get("ended", "")))
+    kept = {"simulated" if key == "duration" else key: value for key, value in kept.items()}
+    if stopped and "simulated" in kept:
+        kept["simulated"] = float(stopped[1])
     return {
         key: value for key, value in settings.flat(kept)
         if isinstance(value, bool | int | float) or (isinstance(value, str) and len(value) <= LONGEST)
@@ -184,7 +190,7 @@ def _thumbnail(place: Path) -> Cell:
     from PIL import Image, UnidentifiedImageError
 
     try:
-        with Image.open(place / FIGURES / "motion.png") as picture:
+        with Image.open(place / FIGURES / MOTION) as picture:
             width, height = picture.size
             moment = picture.crop((width * MOMENT // MOMENTS, 0, width * (MOMENT + 1) // MOMENTS, height))
             small = moment.convert("RGB").resize((max(1, HIGH * moment.width // moment.height), HIGH))

@@ -33,6 +33,8 @@ NEEDED_META, NEEDED = ("dt", "joint_names", "statuses"), ("t", "q", "v", "status
 JUDGED = "judged"
 #: Where the runs beside a run lie, in a folder each; metadata of the run has their names, and its own.
 BESIDE, CALLED = "beside", "called"
+#: The picture of the motion, which a report has that shows the robot.
+MOTION = "motion.png"
 #: Metadata that is no setting: what came of the run.
 RESULTS = (JUDGED, BESIDE, CALLED, "failure", "active_rows", "statuses", "ended", "fallen", "silent")
 
@@ -82,11 +84,16 @@ def report_again(
     are left out. The record itself stays.
 
     Raises:
-        InvalidInput: no run in the folder, or ``robot`` is another one.
+        InvalidInput: no run in the folder, ``robot`` is another one, or the report shows one that has no such name.
         NotSupported: a package that reports need is not installed.
     """
     run = Run.load(folder)
     drawn, target = checked(run, robot) or named(run), Path(folder)
+    if drawn is None and (target / HTML).is_file() and (target / FIGURES / MOTION).is_file():
+        raise InvalidInput(
+            f"{target / HTML} shows the robot {str(run.meta.get('robot'))!r}, which cannot be loaded by its name, and "
+            "a new report would not; give the robot (--robot NAME or FILE)"
+        )
     result = replace(
         judged(run, drawn), called=str(run.meta.get(CALLED, "")), beside=beside(target, run),
         sections=kept_sections(target), obstacles=kept_obstacles(target),

@@ -12,7 +12,7 @@ from wbc.sim.scenario import ScenarioResult
 UNITS = {"us": "µs", "deg": "°", "Nm": "N m"} | {
     unit: unit for unit in ("m", "mm", "s", "ms", "rad", "N", "kg", "W", "J")
 }
-SECONDS = ("dt", "duration")
+SECONDS = ("dt", "duration", "simulated")
 CONTROLLER = ("scenario", "robot", "level", "hierarchy", "solver", "feedback", "dt", "duration", "seed")
 
 
