@@ -380,3 +380,13 @@ def test_a_task_without_weight_asks_for_nothing_at_its_level(hierarchy, switched
         command = controller.tick(0.0, robot.q0, np.zeros(7))
         assert command.status.ok
         np.testing.assert_allclose(command.v, wanted, atol=1e-6)
+
+
+def test_what_a_scaled_task_gives_up_is_said_in_percent() -> None:
+    start = ARM.state().frame("tool").position
+    forward, back = (Position("tool", target=start + way * np.eye(3)[0], name=name)
+                     for name, way in (("forward", 0.1), ("back", -0.1)))  # fmt: skip
+    stack = wbc.Stack([[forward], [back], [Posture(ARM.q0)]], subject_to=[JointVelocityLimits()])
+    controller = wbc.Controller(ARM, stack, level=SPEED, dt=0.01, hierarchy=wbc.Scaled())
+    controller.tick(0.0, ARM.q0, np.zeros(7))
+    assert "  back: 100 % of what its gains ask for is given up; multiplier 0.759 per 100 %" in controller.explain()

@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from math import nan
 
+import numpy as np
+
 from wbc.control.answer import active, distances, norms, shares, units
 from wbc.control.recovery import WEAKER
 from wbc.control.solving import Solving
 from wbc.errors import InvalidProblem
 from wbc.qp.conflict import Conflict, conflict
+from wbc.qp.lexicographic.stages import GIVEN_UP
 from wbc.qp.problem import QP
+from wbc.tolerances import MET
 from wbc.types import Status
 
 _SAID = {
@@ -124,11 +128,20 @@ def _tasks(controller: Solving) -> list[str]:
 
 
 def _active_rows(controller: Solving) -> list[str]:
-    lines = [
-        f"  {row} at its {'upper' if upper else 'lower'} bound {bound:.4g} {row.unit}; "
-        f"multiplier {multiplier:.3g} per {row.unit or 'unit'}" + (", held for a level above" if held else "")
-        for row, upper, bound, multiplier, held in active(controller)
-    ]
+    asked = {
+        task.name: float(np.abs(task.wanted + task.drift).max(initial=MET))
+        for level in controller.plan.problem.levels for task in level
+    }  # fmt: skip
+    lines = []
+    for row, upper, bound, multiplier, held in active(controller):
+        if row.label == GIVEN_UP and row.owner in asked:
+            largest = asked[row.owner]
+            line = f"  {row.owner}: {100.0 * bound / largest:.3g} % of what its gains ask for is given up; "
+            line += f"multiplier {multiplier * largest:.3g} per 100 %"
+        else:
+            line = f"  {row} at its {'upper' if upper else 'lower'} bound {f'{bound:.4g} {row.unit}'.rstrip()}; "
+            line += f"multiplier {multiplier:.3g} per {row.unit or 'unit'}"
+        lines.append(line + (", held for a level above" if held else ""))
     return ["active rows:", *lines] if lines else ["active rows: none"]
 
 

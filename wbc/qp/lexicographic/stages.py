@@ -31,6 +31,9 @@ from wbc.qp.problem import Row
 from wbc.qp.rows import RowProblem, RowTask
 from wbc.types import Vec
 
+#: What σ is called as a bound.
+GIVEN_UP = "given up"
+
 
 @final
 class StagedProblem:
@@ -81,7 +84,7 @@ class StagedProblem:
                     first = source.n_rows + task.unknowns.start
                     found += [row._replace(owner=task.name) for row in names[first : first + task.dim]]
         first, last = names[: source.soft.start], names[source.equal.start : source.n_rows]
-        return [*first, *found, *last, *names[source.n_rows :], *(Row("given up", task.name) for task in scaled)]
+        return [*first, *found, *last, *names[source.n_rows :], *(Row(task.name, GIVEN_UP) for task in scaled)]
 
     def _place(self, stages: Sequence[Stage], scaled: Sequence[RowTask]) -> None:
         """Where each row comes from: a row of the source, an unknown, or what a task asks that is done in part."""
