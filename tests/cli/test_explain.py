@@ -19,7 +19,7 @@ def test_a_conflict_is_told_by_name_and_amount(wbc, tmp_path):
     answer = wbc("explain", "qp.npz")
     assert answer.code == 1
     assert "cannot hold together" in answer.out
-    assert "aim\tx\t2 m lower\nwall\tx\t2 m higher" in answer.out
+    assert "aim\tx\tdown by 2 m\nwall\tx\tupper bound up by 2 m" in answer.out
 
 
 def test_a_problem_with_an_answer_tells_what_pushes(wbc, tmp_path):

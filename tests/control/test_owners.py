@@ -93,7 +93,7 @@ def test_the_advice_of_a_conflict_names_the_component_that_narrows() -> None:
     controller = wbc.Controller(ROBOT, stack, level=wbc.VelocityLevel())
     controller.tick(0.0, ROBOT.q0, np.zeros(ROBOT.nv))
     said = controller.explain()
-    assert f"slow: {NAMES[0]} 0.2 rad/s higher" in said
+    assert f"slow: {NAMES[0]} upper bound up by 0.2 rad/s" in said
     assert "JointVelocityLimits" not in said
 
 

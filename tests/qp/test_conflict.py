@@ -28,7 +28,7 @@ def test_a_bound_and_an_equality_are_told_with_what_is_missing():
     found = conflict(qp)
     assert found is not None
     assert [(give.row.owner, round(give.amount, 9)) for give in found.gives] == [("aim", -4.0), ("wall", 2.0)]
-    assert str(found) == "aim: x against wall: x: enough would be aim: x 4 m lower; or wall: x 2 m higher"
+    assert str(found) == "aim: x against wall: x: enough would be aim: x down by 4 m; or wall: x upper bound up by 2 m"
 
 
 def test_a_row_that_nothing_can_meet_stands_alone():

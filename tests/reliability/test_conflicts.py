@@ -129,7 +129,7 @@ def test_what_no_state_can_meet_is_told_while_building():
     arm = wbc.load("arm")
     too_fast = JointVelocity(np.full(arm.nj, 2.0)).exactly()
     stack = wbc.Stack([Posture(arm.q0)], subject_to=[JointVelocityLimits(1.0), too_fast])
-    with pytest.raises(Infeasible, match=r"JointVelocityLimits: .* 1 rad/s higher") as refusal:
+    with pytest.raises(Infeasible, match=r"JointVelocityLimits: .* upper bound up by 1 rad/s") as refusal:
         wbc.Controller(arm, stack, level=wbc.VelocityLevel())
     assert conflict(refusal.value.qp) == refusal.value.conflict
 

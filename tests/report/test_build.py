@@ -169,14 +169,19 @@ def test_the_verdict_names_the_side_and_puts_what_failed_first(standing: Scenari
 
 
 def test_the_rows_of_one_constraint_in_conflict_stand_in_one_line(standing: ScenarioResult):
-    conflict = ("3 rows cannot hold together:", "  left: x 2 m lower", "  left: y 3 m lower", "  right: x 1 m higher")
+    conflict = (
+        "3 rows cannot hold together:",
+        "  left: x down by 2 m",
+        "  left: y down by 3 m",
+        "  right: x up by 1 m",
+    )
     why = "\n".join(["tick 3 at t = 0.002 s: infeasible", *conflict])
     standing.run.meta["failure"] = {"t": 0.002, "why": why}
     section = verdict.section(standing)
     (told,) = (item for item in section.items if isinstance(item, Table) and "first tick" in item.columns[0])
     assert list(told.rows) == [
         ("tick 3 at t = 0.002 s", "infeasible"), ("3 rows cannot hold together", ""),
-        ("left", "x 2 m lower, y 3 m lower"), ("right", "x 1 m higher"),
+        ("left", "x down by 2 m, y down by 3 m"), ("right", "x up by 1 m"),
     ]  # fmt: skip
 
 

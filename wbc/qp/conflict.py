@@ -38,15 +38,18 @@ _TOLD = 6
 
 
 class Violation(NamedTuple):
-    """A row, or a bound of a variable, and the slack that it needs: positive beyond its upper side."""
+    """A row, or a bound of a variable, and the slack that it needs: positive beyond its upper side. ``equal``: its two
+    sides are one."""
 
     row: Row
     amount: float
+    equal: bool = False
 
     @property
     def way(self) -> str:
-        """How far, and to which side."""
-        return f"{abs(self.amount):.3g} {self.row.unit}".rstrip() + (" higher" if self.amount > 0 else " lower")
+        """Which side would have to move, where to, and how far."""
+        side, way = ("upper", "up") if self.amount > 0 else ("lower", "down")
+        return ("" if self.equal else f"{side} bound ") + f"{way} by {abs(self.amount):.3g} {self.row.unit}".rstrip()
 
     def __str__(self) -> str:
         return f"{self.row} {self.way}"
@@ -71,13 +74,13 @@ class Conflict:
 
     def renamed(self, rows: Sequence[Row]) -> Conflict:
         """The same conflict, its rows called otherwise."""
-        gives = tuple(Violation(row, give.amount) for row, give in zip(rows, self.gives, strict=True))
+        gives = tuple(give._replace(row=row) for row, give in zip(rows, self.gives, strict=True))
         return Conflict(gives, self.items)
 
     def __str__(self) -> str:
         first, *others = (str(row) for row in self.rows)
         if not others:
-            return f"{first} cannot be met at all: it would have to be {self.gives[0].way}"
+            return f"{first} cannot be met at all: enough would be {self.gives[0]}"
         told = self.gives
         if len(told) > _TOLD:
             others = [*others[: _TOLD - 1], f"{len(told) - _TOLD} more"]
@@ -97,10 +100,10 @@ def conflict(qp: QP) -> Conflict | None:
     Example:
         >>> import wbc
         >>> from wbc.qp.conflict import conflict
-        >>> rows = [("floor", "z", "m"), ("ceiling", "z", "m"), ("wall", "x", "m")]
+        >>> rows = [("floor", "z", "m"), ("roof", "z", "m"), ("wall", "x", "m")]
         >>> qp = wbc.QP([[1.0]], [0.0], C=[[1.0], [1.0], [1.0]], cl=[1.0, -9.0, 0.0], cu=[9.0, -1.0, 9.0], rows=rows)
         >>> print(conflict(qp))
-        floor: z against ceiling: z: enough would be floor: z 2 m lower; or ceiling: z 2 m higher
+        floor: z against roof: z: enough would be floor: z lower bound down by 2 m; or roof: z upper bound up by 2 m
     """
     qp.check()
     kinds = np.array([_kind(qp, i) for i in range(len(qp.rows))])
@@ -117,7 +120,8 @@ def conflict(qp: QP) -> Conflict | None:
     pushes = push.nonzero()[0]
     beta = float(push[pushes] @ np.where(push > 0.0, upper, lower)[pushes])
     items = tuple(int(i) for i in pushes if kinds[i] != _HELD)
-    return Conflict(tuple(Violation(qp.rows[i], float(-beta / push[i])) for i in items), items) if items else None
+    gives = tuple(Violation(qp.rows[i], float(-beta / push[i]), bool(lower[i] == upper[i])) for i in items)
+    return Conflict(gives, items) if items else None
 
 
 def _kind(qp: QP, item: int) -> int:
