@@ -290,7 +290,7 @@ def pair(name: str, value: Any, what: str) -> tuple[Any, Any]:
 def shown(value: Any) -> str:
     """``value`` in a message: its representation, shortened, whatever that is."""
     try:
-        text = repr(value)
+        text = repr(value).strip()
     except Exception as cause:
         return f"a {type(value).__name__} (its repr raised {type(cause).__name__})"
     return text if len(text) <= 200 else f"{text[:200]}..."

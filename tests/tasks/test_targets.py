@@ -33,6 +33,11 @@ def pose(rotation: Any = IDENTITY, last_row: Any = (0, 0, 0, 1)) -> np.ndarray:
     [
         (lambda: Frame(TOOL, target=None), r"Frame\[\w+\].target is None; give a value or a function of time"),
         (lambda: Frame(TOOL, target=np.eye(3)), r"target must have shape \(4, 4\), not \(3, 3\)"),
+        (
+            lambda: Frame(TOOL, target=[0] * 7),
+            r"\(7,\); of a .* pinocchio.SE3\(pinocchio.Quaternion\(w, x, y, z\), pos",
+        ),
+        (lambda: Orientation(TOOL, target=[1, 0, 0, 0]), r"\(4,\); of a .* pinocchio.Quaternion\(w, x, y, z\).matrix"),
         (lambda: Frame(TOOL, target=pose(2 * np.eye(3))), "not a rotation: R Rᵀ differs from the identity by 3"),
         (lambda: Frame(TOOL, target=pose(MIRROR)), "its determinant is -1"),
         (lambda: Frame(TOOL, target=pose(last_row=(0, 0, 0, 2))), "last row of a pose is 0 0 0 1"),
@@ -227,3 +232,14 @@ def test_poses_may_move_along_two_motions():
     np.testing.assert_allclose(
         np.concatenate([(ahead.translation - behind.translation) / 2e-5, turned]), rate, atol=1e-7
     )
+
+
+def test_joint_positions_by_name_are_refused_with_the_way_to_give_them():
+    with pytest.raises(InvalidInput, match=r"Posture.target must be an array of .* robot.configuration\({...}\)"):
+        rows(Posture({ARM.joint_names[0]: 0.1}), ARM.state())
+
+
+def test_what_the_refusal_of_a_quaternion_says_is_taken():
+    turn = pinocchio.Quaternion(np.cos(0.5), 0.0, 0.0, np.sin(0.5))  # one radian about z
+    np.testing.assert_allclose(Orientation(TOOL, target=turn.matrix()).reference(0.0).value[0, 0], np.cos(1.0))
+    Frame(TOOL, target=pinocchio.SE3(turn, np.zeros(3)))

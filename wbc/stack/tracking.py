@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
@@ -17,6 +18,7 @@ from wbc.stack.target import Convert, Target, floats, shaped
 from wbc.types import Index, Mat, Vec
 
 _SE3, _log3 = pinocchio.SE3, pinocchio.log3
+_QUATERNION = "pinocchio.Quaternion(w, x, y, z)"
 
 
 class Tracking(Objective):
@@ -74,9 +76,10 @@ def pose_target(name: str, value: Any, strict: bool) -> tuple[Mat, Vec]:
         if not strict:
             return value.rotation, value.translation
         value = value.homogeneous
-    matrix = checks.array(name, value, (4, 4)) if strict else floats(value)
-    if matrix.shape != (4, 4):
-        raise InvalidInput(f"{name} must be a pinocchio.SE3 or a 4x4 matrix, not of shape {matrix.shape}")
+    try:
+        matrix = shaped((4, 4), name, value, strict)
+    except InvalidInput as refusal:
+        raise _of_quaternion(refusal, value, 7, f"pinocchio.SE3({_QUATERNION}, position)") from None
     if strict:
         if matrix[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
             raise InvalidInput(f"{name}: the last row of a pose is 0 0 0 1, not {matrix[3]}")
@@ -90,7 +93,10 @@ def rotation_target(name: str, value: Any, strict: bool) -> Mat:
     Raises:
         InvalidInput: another shape; strict: not finite, not a rotation.
     """
-    matrix = shaped((3, 3), name, value, strict)
+    try:
+        matrix = shaped((3, 3), name, value, strict)
+    except InvalidInput as refusal:
+        raise _of_quaternion(refusal, value, 4, f"{_QUATERNION}.matrix()") from None
     if strict:
         checks.rotation(name, matrix)
     return matrix
@@ -119,6 +125,8 @@ def joints_target(model: RobotModel, full: int, chosen: Index | None = None, oth
 
 def _joints(sizes: tuple[int, int, str], some: tuple[Index, Vec] | None, name: str, value: Any, strict: bool) -> Vec:
     nj, full, robot = sizes
+    if isinstance(value, Mapping):
+        raise InvalidInput(f"{name} must be an array of numbers, not by name; robot.configuration({{...}}) makes one")
     vector = checks.array(name, value, (None,)) if strict else floats(value)
     if vector.shape in ((nj,), (full,)):
         return vector[-nj:]
@@ -135,3 +143,9 @@ def rotation_error(target: Mat, actual: Mat) -> Vec:
     """log(target actualᵀ): the rotation vector [rad], world axes, that turns ``actual`` into ``target``."""
     error: Vec = _log3(dgemm(1.0, target, actual, 0.0, None, 0, 1))
     return error
+
+
+def _of_quaternion(refusal: InvalidInput, value: Any, size: int, way: str) -> InvalidInput:
+    """The refusal, with the ``way`` to give what it is where that has the ``size`` of a quaternion."""
+    is_one = isinstance(value, pinocchio.Quaternion) or (checks.ndim(value) == 1 and len(value) == size)
+    return InvalidInput(f"{refusal}; of a quaternion give {way}") if is_one else refusal
