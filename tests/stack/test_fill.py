@@ -381,3 +381,35 @@ def test_another_solver_gets_the_same_rows():
 def test_there_is_no_other_way_to_fill():
     with pytest.raises(TypeError, match="fast"):
         Controller(ARM, reaching(), level=InverseDynamics(), fast=True)  # type: ignore[call-arg]
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("level", [VelocityLevel(), InverseDynamics()], ids=repr)
+def test_a_row_that_is_too_large_is_called_by_its_name(level):
+    class Huge(wbc.Task):
+        dim, units = 1, "m"
+
+        def fill(self, state, out):
+            out.e[:], out.J[:], out.drift[:] = 0.0, 1e300, 0.0
+
+    controller = Controller(ARM, Stack([Huge(name="mine"), Posture(ARM.q0)], subject_to=LIMITS), level=level)
+    assert not controller.tick(0.0, ARM.q0, np.zeros(ARM.nv)).status.ok
+    assert controller.why == "mine is too large"
+
+
+@pytest.mark.parametrize("exactly", [False, True])
+@pytest.mark.parametrize(
+    ("task", "said"),
+    [
+        (Position("tool", target=lambda t: [0.4, 0.1 if t == 0.0 else np.nan, 0.5], name="P"), "P{}: y"),
+        (Posture(lambda t: np.full(ARM.nj, 0.1 if t == 0.0 else np.nan), name="Q"), "Q{}: " + ARM.joint_names[0]),
+    ],
+    ids=["position", "posture"],
+)
+def test_a_target_that_becomes_nan_is_told_from_a_row_that_does(task, said, exactly):
+    rest = JointVelocity(np.zeros(ARM.nj), weight=1e-3)
+    stack = Stack([rest], subject_to=[task.exactly(), *LIMITS]) if exactly else Stack([task, rest], subject_to=LIMITS)
+    controller = Controller(ARM, stack, level=VelocityLevel())
+    for t in (0.0, 1e-3):
+        controller.tick(t, ARM.q0, np.zeros(ARM.nv))
+    assert controller.why == f"target of {said.format(' exactly' if exactly else '')} is not finite"

@@ -10,13 +10,14 @@ from wbc.errors import InvalidInput
 from wbc.models.model import RobotState
 from wbc.qp.problem import Row
 from wbc.qp.rows import RowProblem
-from wbc.stack.block import RowBlock
-from wbc.stack.compiled.fill_kernel import ROW_SPOILT
+from wbc.stack.block import Block, RowBlock
+from wbc.stack.compiled.fill_kernel import HUGE, ROW_SPOILT
 from wbc.stack.constraint import Barrier
 from wbc.stack.layout import Layout
 from wbc.stack.motion import MotionRows
 from wbc.stack.owner import owner
 from wbc.stack.plan_view import PlanView
+from wbc.stack.tracking import Tracking
 from wbc.types import Index, Mat, Vec
 
 
@@ -46,19 +47,23 @@ class Filled(PlanView):
         """A level that is left out because of NaN must not look like an answer.
 
         Raises:
-            InvalidInput: what was filled last is not finite, by the name of the row.
+            InvalidInput: what was filled last is not finite, or too large, by the name of the row.
         """
         if not self._spoilt & ROW_SPOILT:
             return
-        bad = ~np.isfinite(self.problem.G[: self.layout.n_rows].sum(axis=1))
-        if bad[self.layout.motion_row :].any():  # a contact's Jacobian is in the torques too: name the cause
-            bad[: self.layout.motion_row] = False
+        layout, size = self.layout, np.abs(self.problem.G[: self.layout.n_rows]).sum(axis=1)
+        bad = ~(size < HUGE)
+        if bad[layout.motion_row :].any():  # a contact's Jacobian is in the torques too: name the cause
+            bad[: layout.motion_row] = False
         if bad.any():
-            raise InvalidInput(f"{self.problem.rows[int(np.argmax(bad))]} is not finite")
-        for block in self.layout.joints:
-            finite = np.isfinite(self.motion.wanted[block.motion])
-            if not finite.all():
-                raise InvalidInput(f"{block.name} {block.member.label(int(np.argmin(finite)))} is not finite")
+            row = int(np.argmax(bad))
+            blocks = (block for block in (*layout.motions, *layout.others) if row in range(layout.n_rows)[block.rows])
+            raise _spoilt(next(blocks, None), str(self.problem.rows[row]), float(size[row]))
+        for block in layout.joints:
+            wanted = np.abs(self.motion.wanted[block.motion])
+            if not (wanted < HUGE).all():
+                row = int(np.argmin(wanted < HUGE))
+                raise _spoilt(block, f"{block.name}: {block.member.label(row)}", float(wanted[row]))
 
     def errors(self) -> Mapping[str, Vec]:
         """Error e of each kinematic task (dim,), a copy."""
@@ -118,3 +123,10 @@ class Filled(PlanView):
             if block.rows.start <= at < block.rows.stop and block.says.codes is not None:
                 return row._replace(label=str(block.says.about(at - block.rows.start)))
         return row
+
+
+def _spoilt(block: Block | None, row: str, size: float) -> InvalidInput:
+    """Why a row of this size cannot be decided; ``block``: whose it is, if it is of one."""
+    if block is not None and isinstance(block.says, Tracking) and not block.says.is_target_finite:
+        return InvalidInput(f"target of {row} is not finite")
+    return InvalidInput(f"{row} is {'too large' if size < np.inf else 'not finite'}")

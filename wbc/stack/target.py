@@ -79,6 +79,12 @@ class Target:
         same.function = None
         return same
 
+    @property
+    def is_finite(self) -> bool:
+        """Whether the value, its rate and its acceleration are, as they were evaluated last."""
+        value = self.value if isinstance(self.value, tuple) else (self.value,)
+        return all(np.isfinite(part).all() for part in (*value, self.rate, self.second))
+
     def _without_rates(self, result: Any, strict: bool) -> Any:
         """The value of what a function gave, whose rate and acceleration are read where there are some."""
         if not isinstance(result, tuple):

@@ -65,6 +65,11 @@ class Tracking(Objective):
         """The target at time t [s]."""
         return self._reference.at(t)
 
+    @property
+    def is_target_finite(self) -> bool:
+        """Whether the target is, as it was evaluated last."""
+        return self._reference.is_finite
+
 
 def pose_target(name: str, value: Any, strict: bool) -> tuple[Mat, Vec]:
     """Rotation (3, 3) and position (3,) of a pinocchio.SE3 or a 4x4 matrix.

@@ -127,8 +127,9 @@ class RowProblem:
         rows, right = self.G[: self.n_rows, :n] * unscale, self.G[: self.n_rows, n]
         soft = rows[self.soft]
         weighted = soft * self.weights[:, None]
-        np.matmul(soft.T, weighted, out=qp.H)
-        np.matmul(right[self.soft], weighted, out=qp.g)
+        with np.errstate(over="ignore", invalid="ignore"):  # what is huge or not finite, QP.check refuses
+            np.matmul(soft.T, weighted, out=qp.H)
+            np.matmul(right[self.soft], weighted, out=qp.g)
         diagonal = np.empty(n)
         diagonal[:n_u] = self.regularisation
         diagonal[n_u:] = self.unit * self.metric * unscale[n_u:] ** 2

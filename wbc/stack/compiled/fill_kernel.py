@@ -81,11 +81,13 @@ def fill(at: int) -> None:
 
 #: What :func:`spoilt` finds.
 ROW_SPOILT, BOUND_SPOILT = 1, 2
+#: Products of larger numbers in rows may overflow.
+HUGE = 1e100
 
 
 @part
 def spoilt(at: int) -> int:
-    """Whether the rows, or what is wanted of the joints, are not finite; and whether a bound is NaN.
+    """Whether the rows, or what is wanted of the joints, are not finite, or huge; and whether a bound is NaN.
 
     At ``at``: sizes (rows, columns, motion rows, items), rows of G, what motion rows want, lower and upper bounds.
     """
@@ -98,7 +100,7 @@ def spoilt(at: int) -> int:
         total += abs(G[i])
     for i in range(len(wanted)):
         total += abs(wanted[i])
-    found = 0 if total < inf else ROW_SPOILT
+    found = 0 if total < HUGE else ROW_SPOILT
     for i in range(len(lower)):
         if not (lower[i] <= inf and upper[i] <= inf):
             found |= BOUND_SPOILT
