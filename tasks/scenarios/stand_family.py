@@ -8,14 +8,13 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.report.document import Section, Table, Text
 from wbc.sim.disturbance import Payload, Push
 from wbc.sim.scenario import Check, Parameter, Parameters, Scenario, ScenarioResult, Setup, Trial
 
 from . import humanoid_stand, judge, quadruped_stand
-from .standing import Stance, push_force, standing_plant, standing_stack
+from .standing import Stance, standing_plant, standing_stack, usual_or
 
 STANCES: Mapping[str, Stance] = {**humanoid_stand.STANCES, **quadruped_stand.STANCES}
 #: Push [N], and load in a hand [kg], that are usual.
@@ -52,8 +51,8 @@ class StandFamily(Scenario):
         if p.settings.duration <= START:
             raise InvalidInput(f"duration is {p.settings.duration:g} s; pushes and loads come at {START:g} s")
         name, load, sides = p["robot"], p["load"], p.count("sides")
-        force = push_force(p["push"], PUSH[name])
-        mass = LOAD.get(name, 0.0) if load == "auto" else checks.typed("parameter 'load' (or auto)", load, low=0.0)
+        force = usual_or("push", p["push"], PUSH[name])
+        mass = usual_or("load", load, LOAD.get(name, 0.0))
         cases: dict[str, dict[str, Any]] = {}
         for k in range(sides if force else 0):
             angle = 2.0 * np.pi * k / sides

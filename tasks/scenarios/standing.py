@@ -10,6 +10,7 @@ import numpy as np
 
 import wbc
 from wbc import checks
+from wbc.errors import InvalidInput
 from wbc.models.model import RobotState
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import measure
@@ -152,13 +153,18 @@ def sway(state: RobotState, stance: Stance) -> Sinusoid:
     return Sinusoid(state.com, amplitude=stance.sway, frequency=stance.frequency, phase=phase)
 
 
-def push_force(text: str, usual: float) -> float:
-    """The parameter ``push`` [N]: a number, or "auto" for what is usual for the robot.
+def usual_or(name: str, text: str, usual: float) -> float:
+    """A parameter >= 0 that is a number, or "auto" for what is ``usual`` for the robot.
 
     Raises:
         InvalidInput: neither.
     """
-    return usual if text == "auto" else checks.typed("parameter 'push' (or auto)", text, low=0.0)
+    if text == "auto":
+        return usual
+    try:
+        return checks.typed(f"parameter {name!r}", text, low=0.0)
+    except InvalidInput as refusal:
+        raise InvalidInput(f"{refusal}, or auto for what is usual for the robot") from None
 
 
 def pushes_within(duration: float, frame: str, force: float) -> list[Push]:
@@ -189,7 +195,7 @@ class StandingScenario(Scenario):
         stance = self.stances[p["robot"]]
         robot, force = stance.robot(p["robot"]), p["push"]
         if isinstance(self.parameters["push"], str):
-            force = push_force(force, self.usual_push[p["robot"]])
+            force = usual_or("push", force, self.usual_push[p["robot"]])
         stack, pushes = standing_stack(robot, stance), pushes_within(p.settings.duration, stance.upright, force)
         return Setup(
             stack=stack, plant=standing_plant(robot, stance, stack.contacts),

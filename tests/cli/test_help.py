@@ -8,6 +8,8 @@ import pytest
 import typer
 
 from wbc.cli.app import app
+from wbc.sim.scenario import scenarios
+from wbc.stack.hierarchy import HIERARCHIES
 
 
 def pages(command, words=()):
@@ -47,3 +49,9 @@ def test_words_that_are_not_understood_lead_to_the_help_of_their_command(wbc, wo
 def test_a_command_that_only_has_verbs_shows_its_help(wbc, words):
     answer = wbc(*words)
     assert answer.code == 0 and "Usage: " in answer.out and not answer.err
+
+
+def test_help_of_run_lists_hierarchies_and_plants(wbc):
+    shown = squeezed(wbc("run", "--help").out)
+    plants = {plant for one in scenarios().values() if one.group != "growth" for plant in one.plants}
+    assert all(name in shown for name in (*HIERARCHIES, *plants))

@@ -241,7 +241,7 @@ def test_a_bug_keeps_its_traceback_and_leaves_nothing(wbc, waving, tmp_path, mon
 def test_a_missing_extra_is_said_before_any_work(wbc, waving, monkeypatch, package):
     monkeypatch.setattr("wbc.report.build.find_spec", lambda name: None if name == package else object())
     answer = wbc("run", waving)
-    assert answer.code == 2 and f"a report needs {package}; pip install 'wbc-qp[report]'" in answer.err
+    assert answer.code == 2 and f"a report needs {package}; from a clone of wbc: pip install '.[report]'" in answer.err
     assert "chatters" not in answer.err
 
 

@@ -119,7 +119,7 @@ def test_an_unknown_name_is_answered_with_the_installed_solvers_first(monkeypatc
     here, *others = str(said.value).split("; ")[1:]
     assert here == f"installed: {', '.join(usable())}"
     extras = ("[solvers]' for highs, piqp, scs", "[gpl]' for quadprog")
-    assert others[:2] == [f"pip install 'wbc-qp{extra}" for extra in extras]
+    assert others[:2] == [f"from a clone of wbc: pip install '.{extra}" for extra in extras]
     assert others[2].startswith("packages of their own for ") and "gurobi" in others[2] and "daqp" not in others[2]
     monkeypatch.setattr("wbc.qp.solver.find_spec", lambda module: module)
     with pytest.raises(UnknownSolver) as said:

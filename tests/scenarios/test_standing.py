@@ -129,7 +129,7 @@ def test_a_push_that_does_not_come_is_not_counted_as_survived() -> None:
 def test_bad_parameters_are_refused_before_the_first_tick() -> None:
     with pytest.raises(InvalidInput, match=r"1\.5 s"):
         run("arm-reach", "robot=arm", duration=2.0)
-    with pytest.raises(InvalidInput, match="push"):
+    with pytest.raises(InvalidInput, match="'push' must be a number, not 'hard', or auto for what is usual"):
         run("humanoid-stand", "robot=humanoid", "push=hard")
     with pytest.raises(UnknownFrame, match="tool"):
         run("arm-reach", "robot=arm", "frame=tol")

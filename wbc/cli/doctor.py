@@ -90,7 +90,7 @@ def extras() -> Iterator[Finding]:
             needs.setdefault(match[2], []).append(match[1])
     for extra, names in needs.items():
         missing = [name for name in names if not _installed(name)]
-        hint = f"without {', '.join(missing)}; pip install '{DISTRIBUTION}[{extra}]'"
+        hint = f"without {', '.join(missing)}; from a clone of wbc: pip install '.[{extra}]'"
         yield Finding(extra, hint if missing else ", ".join(names))
 
 

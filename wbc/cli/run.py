@@ -25,7 +25,7 @@ from wbc.cli.console import (
     say,
     table,
 )
-from wbc.cli.options import AsJson, Out, SetOptions, Show, SolverName
+from wbc.cli.options import AsJson, Out, PlantName, SetOptions, Show, SolverName
 
 if TYPE_CHECKING:
     from wbc.sim.scenario import ScenarioResult
@@ -42,9 +42,15 @@ def run(
     ] = None,
     *,
     solver: SolverName = "pdas",
-    hierarchy: Annotated[str | None, typer.Option(help="What the stack's levels mean.")] = None,
+    hierarchy: Annotated[
+        str | None,
+        typer.Option(
+            help="What the stack's levels mean: weighted, strict or scaled, as far as the scenario has them; default: "
+            "its first."
+        ),
+    ] = None,
     duration: Annotated[float | None, typer.Option(help="Simulated time in seconds.")] = None,
-    plant: Annotated[str | None, typer.Option(help="What the commands act on.")] = None,
+    plant: PlantName = None,
     settings: SetOptions = None,
     out: Out = None,
     live: Annotated[bool, typer.Option("--live", help="Show it in the browser while it runs, with sliders.")] = False,

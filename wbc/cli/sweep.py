@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from wbc.cli.console import kept, notes, on_stderr, one_sentence, place, reported, say, working
-from wbc.cli.options import AsJson, Out, SetOptions, Show
+from wbc.cli.options import AsJson, Out, PlantName, SetOptions, Show
 from wbc.errors import InvalidInput
 
 
@@ -25,13 +25,15 @@ def sweep(
     ] = None,
     settings: SetOptions = None,
     solver: Annotated[str, typer.Option(help="QP solvers to draw from, separated by commas.")] = "pdas",
-    hierarchy: Annotated[str | None, typer.Option(help="Hierarchies to draw from, separated by commas.")] = None,
+    hierarchy: Annotated[
+        str | None, typer.Option(help="Of weighted, strict and scaled those to draw from, separated by commas.")
+    ] = None,
     push: Annotated[list[str] | None, typer.Option(metavar="FRAME=LOW:HIGH", help="A level push [N].")] = None,
     payload: Annotated[list[str] | None, typer.Option(metavar="FRAME=LOW:HIGH", help="An unknown mass [kg].")] = None,
     noise: Annotated[str | None, typer.Option(metavar="LOW:HIGH", help="Noise of joint velocities [rad/s].")] = None,
     delay: Annotated[str | None, typer.Option(metavar="LOW:HIGH", help="Commands arrive late [s].")] = None,
     duration: Annotated[float | None, typer.Option(help="Simulated time of a run in seconds.")] = None,
-    plant: Annotated[str | None, typer.Option(help="What the commands act on.")] = None,
+    plant: PlantName = None,
     seed: Annotated[int, typer.Option(min=0, help="Another seed, other runs.")] = 0,
     scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="A dask scheduler that runs.")] = None,
     workers: Annotated[int | None, typer.Option(min=1, help="Processes here; default: one for each core.")] = None,

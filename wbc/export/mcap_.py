@@ -47,7 +47,7 @@ def to_mcap(
     try:
         from mcap.writer import Writer
     except ImportError as cause:
-        raise NotSupported("an MCAP log needs mcap; pip install 'wbc-qp[export]'") from cause
+        raise NotSupported("an MCAP log needs mcap; from a clone of wbc: pip install '.[export]'") from cause
     content = log(run, robot)
     with written(path) as aside, aside.open("wb") as file:
         writer: Any = Writer(file)

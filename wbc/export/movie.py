@@ -88,7 +88,7 @@ def movie(
         )
     missing = [name for name in ("PIL", WRITERS.get(kind, "PIL")) if find_spec(name) is None]
     if missing:
-        raise NotSupported(f"{kind} needs {missing[0]}; pip install 'wbc-qp[export,video]'")
+        raise NotSupported(f"{kind} needs {missing[0]}; from a clone of wbc: pip install '.[export,video]'")
     pair = checks.pair("size", size, "width, height")
     width, height = (int(checks.number("size", pixels, low=16, high=MOST_PIXELS)) // 2 * 2 for pixels in pair)
     looks = Camera.before(robot) if camera is None else _sound(camera)

@@ -41,7 +41,9 @@ def to_rerun(
     try:
         import rerun as rr
     except ImportError as cause:
-        raise NotSupported("a recording for Rerun needs rerun-sdk; pip install 'wbc-qp[rerun]'") from cause
+        raise NotSupported(
+            "a recording for Rerun needs rerun-sdk; from a clone of wbc: pip install '.[rerun]'"
+        ) from cause
     content = log(run, robot)
     with written(path) as aside:
         recording = rr.RecordingStream(f"wbc {run.meta.get('scenario', 'run')}", send_properties=False)

@@ -46,7 +46,7 @@ class Stage:
         try:
             self._mj = mj = import_mujoco()
         except ImportError as cause:
-            raise NotSupported("a picture is drawn by MuJoCo; pip install 'wbc-qp[export]'") from cause
+            raise NotSupported("a picture is drawn by MuJoCo; from a clone of wbc: pip install '.[export]'") from cause
         width, height = size
         self._context = _opengl(width, height)
         spec = _described(mj, solid, size, extent)

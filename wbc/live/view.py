@@ -84,7 +84,7 @@ class View:
     ) -> None:
         checks.instance("controller", controller, Controller, "a wbc.Controller")
         if find_spec("viser") is None:
-            raise NotSupported("a view in the browser needs viser; pip install 'wbc-qp[live]'")
+            raise NotSupported("a view in the browser needs viser; from a clone of wbc: pip install '.[live]'")
         self.controller, self.paused = controller, False
         #: What was done in the browser, in words, with the time [s].
         self.done: list[str] = []
@@ -302,6 +302,6 @@ def required(port: int) -> None:
         InvalidInput: ``port`` is none.
     """
     if find_spec("viser") is None:
-        raise NotSupported("a view in the browser needs viser; pip install 'wbc-qp[live]'")
+        raise NotSupported("a view in the browser needs viser; from a clone of wbc: pip install '.[live]'")
     if not 0 < port < 65536:
         raise InvalidInput(f"port is {port}; it must be from 1 to 65535")

@@ -48,7 +48,7 @@ def draw(v_task: Vec, v_null: Vec, limits: tuple[Vec, Vec], origin: Projection |
         from matplotlib.figure import Figure
         from matplotlib.layout_engine import ConstrainedLayoutEngine
     except ImportError as cause:
-        raise NotSupported("figures need matplotlib; pip install 'wbc-qp[report]'") from cause
+        raise NotSupported("figures need matplotlib; from a clone of wbc: pip install '.[report]'") from cause
     with rc_context(STYLE):
         figure = Figure(layout=ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.08), facecolor="white")
         plane = _Plane(v_task, v_null, limits, origin, result, axes=figure.subplots())

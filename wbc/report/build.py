@@ -74,7 +74,7 @@ def require_extras(*modules: str) -> None:
     """
     missing = [name for name in modules or ("jinja2", "matplotlib", "trimesh", "collada") if find_spec(name) is None]
     if missing:
-        raise NotSupported(f"a report needs {', '.join(missing)}; pip install 'wbc-qp[report]'")
+        raise NotSupported(f"a report needs {', '.join(missing)}; from a clone of wbc: pip install '.[report]'")
 
 
 def summary(result: ScenarioResult) -> str:

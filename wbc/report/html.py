@@ -34,7 +34,7 @@ def html(report: Report) -> str:
     try:
         import jinja2
     except ImportError as cause:
-        raise NotSupported("the HTML report needs jinja2; pip install 'wbc-qp[report]'") from cause
+        raise NotSupported("the HTML report needs jinja2; from a clone of wbc: pip install '.[report]'") from cause
     environment = jinja2.Environment(
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )

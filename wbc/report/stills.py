@@ -49,7 +49,7 @@ def stills(
         from matplotlib import rc_context
         from matplotlib.figure import Figure as Drawing
     except ImportError as cause:
-        raise NotSupported("figures need matplotlib; pip install 'wbc-qp[report]'") from cause
+        raise NotSupported("figures need matplotlib; from a clone of wbc: pip install '.[report]'") from cause
     memory = BytesIO()
     with rc_context({"font.family": "sans-serif", "font.sans-serif": ["DejaVu Sans"], "text.color": "#1f2a37"}):
         drawing = Drawing(figsize=(WIDTH, tall + 0.3), layout="constrained", facecolor="white")

@@ -32,7 +32,7 @@ def do_all(
         InvalidInput: nobody answers at that address.
     """
     if find_spec("distributed") is None:
-        raise NotSupported("sweeps need dask.distributed; pip install 'wbc-qp[sweep]'")
+        raise NotSupported("sweeps need dask.distributed; from a clone of wbc: pip install '.[sweep]'")
     from distributed import as_completed
     from distributed.scheduler import KilledWorker
 

@@ -75,7 +75,7 @@ def _told() -> str:
     others, told = [name for name in names() if name not in usable()], [f"installed: {', '.join(usable())}"]
     for extra, brought in EXTRAS.items():
         if some := [name for name in brought if name in others]:
-            told.append(f"pip install 'wbc-qp[{extra}]' for {', '.join(some)}")
+            told.append(f"from a clone of wbc: pip install '.[{extra}]' for {', '.join(some)}")
     if own := [name for name in others if not any(name in brought for brought in EXTRAS.values())]:
         told.append(f"packages of their own for {', '.join(own)}")
     return "; ".join(told)
