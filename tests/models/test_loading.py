@@ -85,8 +85,8 @@ def test_a_joint_without_end_has_one_position_and_no_position_limit(tmp_path: Pa
         ('lower="-1" upper="1" effort="0" velocity="2"', "the effort limit of joint 'odd' is 0"),
         ('lower="-1" upper="1" effort="5" velocity="-2"', "the velocity limit of joint 'odd' is -2"),
         ('lower="-1" upper="1" effort="nan" velocity="2"', "the effort limit of joint 'odd' is nan"),
-        ('lower="1" upper="-1" effort="5" velocity="2"', r"the position limits of joint 'odd' are \[1, -1\]"),
-        ('effort="5" velocity="2"', r"the position limits of joint 'odd' are \[0, 0\]"),
+        ('lower="1" upper="-1" effort="5" velocity="2"', r"of joint 'odd' are \[1, -1\]: the lower is above the upper"),
+        ('effort="5" velocity="2"', r"the position limits of joint 'odd' are \[0, 0\]: it cannot move"),
     ],
 )
 def test_limits_that_make_no_sense_are_kept_and_said(tmp_path: Path, limit: str, sentence: str):
@@ -94,6 +94,12 @@ def test_limits_that_make_no_sense_are_kept_and_said(tmp_path: Path, limit: str,
         robot = load(written(tmp_path, hinge("odd", limit)))
     assert [w.filename for w in said] == [__file__]
     assert np.isfinite(robot.q0).all() and np.isfinite(robot.random_configuration(np.random.default_rng(0))).all()
+
+
+def test_meshes_that_are_missing_are_counted_in_one_sentence(tmp_path: Path):
+    meshes = "".join(f'<visual><geometry><mesh filename="{k}.stl"/></geometry></visual>' for k in range(7))
+    with pytest.warns(UserWarning, match=r"there is no mesh '0.stl' and 6 more are missing$"):
+        load(written(tmp_path, hinge("swing", SANE), inside=meshes))
 
 
 def test_limits_that_are_not_given_are_infinite(tmp_path: Path):

@@ -19,7 +19,9 @@ PlantName = Annotated[
         help="What the commands act on: integrator or mujoco, as far as the scenario has them; default: its first.",
     ),
 ]
-SetOptions = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="A parameter, as wbc list shows them.")]
+SetOptions = Annotated[
+    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="A parameter, as wbc list shows them.")
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
 JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the rows there.")]
 Out = Annotated[Path | None, typer.Option("--out", help="Folder of the report; default runs/NAME-TIME.")]

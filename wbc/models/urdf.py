@@ -170,7 +170,10 @@ class Urdf:
         found = []
         for joint in filter(lambda j: j.moves, self.joints):
             if not joint.lower < joint.upper:
-                found.append(f"the position limits of joint {joint.name!r} are [{joint.lower:g}, {joint.upper:g}]")
+                wrong = ": it cannot move" if joint.lower == joint.upper else ""
+                wrong = ": the lower is above the upper" if joint.lower > joint.upper else wrong
+                limits = f"[{joint.lower:g}, {joint.upper:g}]{wrong}"
+                found.append(f"the position limits of joint {joint.name!r} are {limits}")
             for what, value in (("velocity", joint.velocity), ("effort", joint.effort)):
                 if not value > 0:
                     found.append(f"the {what} limit of joint {joint.name!r} is {value:g}")
@@ -181,7 +184,11 @@ class Urdf:
                 f"joint {alike[0].name!r} mimics {alike[0].mimics!r}{more}; here each moves on its own until "
                 "wbc.tasks.mimic_joints(robot) couples them"
             )
-        return found + list(self.left_out) + [f"there is no mesh {reference!r}" for reference in self.missing_meshes]
+        missing = self.missing_meshes
+        if missing:
+            more = f" and {len(missing) - 1} more are missing" if missing[1:] else ""
+            found.append(f"there is no mesh {missing[0]!r}{more}")
+        return found + list(self.left_out)
 
     def text(self, *, continuous: Literal["continuous", "revolute"] = "continuous") -> str:
         """The robot as URDF: its links, joints, inertias, limits, damping and friction, and nothing else.
