@@ -82,7 +82,11 @@ def solvers(
     growth: Annotated[bool | None, typer.Option(help="Measure how times grow with size.")] = None,
     show: Show = False,
 ) -> None:
-    """Which solver at which tolerance: replay QPs over every solver, each in its own process, and say what to use."""
+    """Which solver at which tolerance: replay QPs over every solver, each in its own process, and say what to use.
+
+    With all solvers a scenario of some seconds takes several minutes. It is shorter with --no-loop, fewer --ticks and
+    --rounds, a short --duration, or --solver for some of the solvers; --resume goes on after an interrupt.
+    """
     from wbc.report import solvers as comparing
     from wbc.report.build import require_extras
     from wbc.report.folder import HTML

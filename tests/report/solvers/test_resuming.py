@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 
+from tests.qp.zoo import sequence
 from wbc.errors import InvalidInput
 from wbc.report.journal import Journal
 from wbc.report.solvers import compare, resume
@@ -103,3 +104,12 @@ def test_other_versions_are_another_comparison(tmp_path: Path):
     Journal.begin(folder / "journal.jsonl", "key", header)
     with pytest.raises(InvalidInput, match="daqp"):
         resume(tmp_path / "report")
+
+
+def test_the_start_of_a_process_counts_as_progress(tmp_path: Path):
+    told: list[float] = []
+    compare(sequence(3, n=8), solvers=["pdas", "daqp"], out=tmp_path / "r", rounds=1, torture=False, growth=False,
+            progress=lambda done, text="": told.append(done))  # fmt: skip
+    first = told.index(0.0) + told.count(0.0)
+    assert told == sorted(told) and told[-1] == 1.0
+    assert told[first] > 0.4, "half of the time is over when one of two has started, though no solve took long"

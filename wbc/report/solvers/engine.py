@@ -13,12 +13,16 @@ from wbc.report.solvers.process import Lost, SolverProcess
 from wbc.report.solvers.request import Request
 from wbc.sim.scenario import Progress
 
+#: The process of a solver is imported and compiled in the time of about so many solves.
+STARTING = 3000.0
+
 
 def work(request: Request, folder: Path, journal: Journal, progress: Progress) -> None:
     """Do what the journal does not have yet. Problem sets lie in ``folder``."""
     sets = {name: ProblemSet.load(folder / file) for name, file in request.files.items()}
     wanted = list(jobs(request, sets))
-    total, done = sum(job.weight for job in wanted), 0.0
+    total = sum(job.weight for job in wanted) + STARTING * len({job.solver for job in wanted})
+    done, started = 0.0, set[str]()
     words = {"solve": "on", "loop": "in the loop of", "torture": "tortured with"}
     with ExitStack() as stack:
         processes = {s.name: stack.enter_context(SolverProcess(s, folder)) for s in request.solvers}
@@ -32,7 +36,8 @@ def work(request: Request, folder: Path, journal: Journal, progress: Progress) -
                 else:
                     found = _ask(job, process, request.limit if job.key[0] == "torture" else request.patience)
                 journal.add({"key": list(job.key), "finding": found})
-            done += job.weight
+            done += job.weight if job.solver in started else job.weight + STARTING
+            started.add(job.solver)
     progress(1.0, "measured")
 
 
