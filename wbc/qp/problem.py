@@ -14,14 +14,11 @@ from wbc import checks
 from wbc.errors import InvalidInput, InvalidProblem
 from wbc.files import Place, written
 from wbc.npz import read_json, read_npz
-from wbc.tolerances import ROUNDING, SAME, TINY
+from wbc.tolerances import LARGEST, ROUNDING, SAME, TINY
 from wbc.types import Mat, Vec
 
 if TYPE_CHECKING:
     import qpsolvers
-
-
-HUGE = 1e100  # no number that means something is larger, and squares of smaller ones do not overflow
 
 
 class Row(NamedTuple):
@@ -390,7 +387,7 @@ def moderate(values: Vec | Mat) -> bool:
         return True
     # argmin and argmax cost a quarter of min(), max() and all() on arrays of this size; they find a NaN first.
     flat = values.ravel()
-    return bool(-HUGE < flat[flat.argmin()] and flat[flat.argmax()] < HUGE)
+    return bool(-LARGEST < flat[flat.argmin()] and flat[flat.argmax()] < LARGEST)
 
 
 def _ordered(lower: Vec, upper: Vec) -> bool:

@@ -8,6 +8,7 @@ from wbc.compiled import call_at, carray, entry, floats, integers, part
 from wbc.stack.compiled.damping_kernel import follow, observe_all, share
 from wbc.stack.compiled.finish_kernel import write_all
 from wbc.stack.compiled.interval_kernel import joint_bounds
+from wbc.tolerances import LARGEST
 
 #: Where the address of v (nv,) stands in what :func:`fill` reads.
 VELOCITY = 5
@@ -81,8 +82,6 @@ def fill(at: int) -> None:
 
 #: What :func:`spoilt` finds.
 ROW_SPOILT, BOUND_SPOILT = 1, 2
-#: Products of larger numbers in rows may overflow.
-HUGE = 1e100
 
 
 @part
@@ -100,7 +99,7 @@ def spoilt(at: int) -> int:
         total += abs(G[i])
     for i in range(len(wanted)):
         total += abs(wanted[i])
-    found = 0 if total < HUGE else ROW_SPOILT
+    found = 0 if total < LARGEST else ROW_SPOILT
     for i in range(len(lower)):
         if not (lower[i] <= inf and upper[i] <= inf):
             found |= BOUND_SPOILT
