@@ -15,7 +15,7 @@ ROBOT = wbc.load("quadruped")
 STILL = np.zeros(ROBOT.nv)
 ON = {"reset": ["anchor", "reset"], "assign": ["gains", "weights", "cone", "f_max"], "tick": ["note"]}
 #: What each is called in ``why``; a property is read where its value is used.
-SAID = {"f_max": "bounds on the force", "note": "a member"}
+SAID = {"f_max": "bounds on the force", "note": "the tick"}
 WRONG = {"raises": OSError("gone"), "nothing": None, "a number": np.nan, "an array": np.full((7, 2), np.inf)}
 
 

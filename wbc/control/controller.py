@@ -39,6 +39,8 @@ from wbc.stack.stack import Stack
 from wbc.tolerances import MET
 from wbc.types import Status, Vec
 
+#: What is said to have raised where that has no name of its own: a member's property, or this library.
+UNNAMED = "the tick"
 #: A member of an Enum is slow to look up, and a tick asks for this one.
 _SOLVED = Status.SOLVED
 
@@ -221,7 +223,7 @@ class Controller(Solving):
             try:
                 command = decide(t, measured.moment)
             except Exception as cause:  # members are users' code, and may raise anything anywhere
-                self.why = str(cause if isinstance(cause, WbcError) else MemberFailed("a member", cause))
+                self.why = str(cause if isinstance(cause, WbcError) else MemberFailed(UNNAMED, cause))
                 command = self.fallbacks.failed(measured.moment)
         intervals = self.plan.intervals
         if intervals.remembers:

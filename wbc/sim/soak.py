@@ -21,7 +21,7 @@ import numpy as np
 
 from wbc import checks
 from wbc.control.command import Command
-from wbc.control.controller import Controller
+from wbc.control.controller import UNNAMED, Controller
 from wbc.errors import WbcError
 from wbc.sim.scenario import Progress, Scenario, silent
 from wbc.sim.spoiling import RUBBISH, SpoiltComponent, SpoiltTarget, spoilt
@@ -140,6 +140,8 @@ class _Run:
             return ()
         parts = _decided(command, self.control)
         found = self.found
+        if self.control.why.startswith(f"{UNNAMED} raised"):  # its members are the library's: a slip
+            found.exceptions[self.control.why[:200]] += 1
         found.fallback_levels[command.fallback_level] += 1
         found.statuses[command.status.name] += 1
         found.uncertified += command.fallback_level not in _CERTIFIED or not command.certificate.ok
