@@ -13,6 +13,7 @@ from llvmlite.binding import Linkage
 
 import wbc
 from tests.test_import_cost import modules_after
+from wbc import compiled
 from wbc.compile_all import MODULES
 from wbc.compiled import carray, floats, forget_stale, part
 from wbc.qp.rows.compiled.linear import backward
@@ -57,8 +58,9 @@ def test_one_command_compiles_every_kernel_and_none_in_both_of_its_processes():
 
 
 @pytest.mark.skipif(numba.config.DISABLE_JIT or numba.config.BOUNDSCHECK, reason="a part is then no code of its own")
-def test_a_kernel_that_others_take_in_is_their_own_copy() -> None:
+def test_a_kernel_that_others_take_in_is_their_own_copy(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of copies with one name the loader keeps the first: last digits would depend on what was loaded before."""
+    monkeypatch.setattr(compiled, "_kept", lambda make, **more: make(_nrt=False, **more))  # compiled here and now
 
     @part
     def solved(at: int) -> None:
