@@ -10,6 +10,9 @@ from tests.families import legs, members, odd_robots, robots, twins
 from tests.families.oracle import judge
 from tests.seeds import SEED
 
+#: What is drawn may be far out of reach.
+pytestmark = pytest.mark.filterwarnings("ignore::wbc.models.plausible.ImplausibleUnit")
+
 
 def test_no_answer_on_legs_that_is_called_solved_is_wrong() -> None:
     table = legs.run(12, SEED, ticks=1, verbose=True)
