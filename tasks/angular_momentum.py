@@ -39,9 +39,6 @@ class AngularMomentum(Tracking, KernelTask):
         super().__init__(kp=0.0, kd=kd, weight=weight, name=name)
         self.target = target
 
-    def prepare(self, model: RobotModel) -> None:
-        self._refuse_no_mass(model)
-
     def kernel_rows(self) -> KernelRows:
         return KernelRows.tracking(self, "motion.velocity", MOMENTUM, numbers=[1.0, 3, 4, 5])
 

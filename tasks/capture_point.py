@@ -52,7 +52,6 @@ class CapturePoint(Tracking, KernelLinearTask):
         self.target = target
 
     def prepare(self, model: RobotModel) -> None:
-        self._refuse_no_mass(model)
         self._omega = float(np.sqrt(np.linalg.norm(model.gravity) / self.height))
 
     def kernel_rows(self) -> KernelRows:

@@ -38,9 +38,6 @@ class CenterOfMass(Tracking, KernelTask):
         super().__init__(kp=kp, kd=kd, rate=rate, weight=weight, name=name)
         self.target = target
 
-    def prepare(self, model: RobotModel) -> None:
-        self._refuse_no_mass(model)
-
     def kernel_rows(self) -> KernelRows:
         return KernelRows.tracking(self, "frame.position", CENTRE, numbers=range(3))
 

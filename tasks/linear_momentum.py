@@ -39,7 +39,6 @@ class LinearMomentum(Tracking, KernelTask):
         self.target = target
 
     def prepare(self, model: RobotModel) -> None:
-        self._refuse_no_mass(model)
         self._mass = model.mass
 
     def kernel_rows(self) -> KernelRows:

@@ -45,7 +45,6 @@ class ZeroMomentPoint(Tracking, KernelLinearTask):
         self.target = target
 
     def prepare(self, model: RobotModel) -> None:
-        self._refuse_no_mass(model)
         if model.gravity[:2].any() or not model.gravity[2] < 0.0:
             raise NotSupported(f"{self.name} needs gravity along −z, not {model.gravity.tolist()}")
         self._mass, self._gravity = model.mass, model.gravity

@@ -26,8 +26,8 @@ ACCURACY: Final = 1e-9
 SHARP: Final = 1e-8
 #: Numbers [m, rad, m/s or rad/s] beyond which no state and no pose can be: their own rounding would be felt.
 HUGE: Final = 1.0 / SHARP
-#: No number that means something is larger, and squares of smaller ones do not overflow.
-LARGEST: Final = 1e100
+#: Squares of smaller numbers do not overflow, nor do sums of these.
+MODERATE: Final = 1e100
 #: An answer is within this share of where it would be without rounding, and at a bound that is no farther away.
 NEAR: Final = 1e-7
 #: A limit is met that is exceeded by no more than this, in the limit's own unit (1e-6 N m, 1 µrad, 1 µm/s).

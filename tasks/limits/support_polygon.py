@@ -71,9 +71,6 @@ class SupportPolygon(KernelBarrier):
             corners += [placement.act(np.array(point)) for point, _ in robot.feet[name].lowest()]
         return cls(np.array(corners), **settings)
 
-    def prepare(self, model: RobotModel) -> None:
-        self._refuse_no_mass(model)
-
     def kernel_rows(self) -> KernelRows:
         numbers = np.column_stack([self._normals, np.zeros(self.dim), self._offsets])
         return KernelRows("limit.half_spaces", (CENTRE,), numbers.ravel())

@@ -268,22 +268,26 @@ class FallbackSequence:
 
         What is left of exact tasks damps the joints, as what is left of tasks does, in a second problem.
         """
-        plan, nb = self._controller.plan, self._controller.model.nb
-        damping, toward = np.zeros((2, plan.qp.n))
-        joints, session = slice(nb, self._controller.model.nv), None
-        for damped in (False, True):
-            if damped:
-                damping[joints], rate = plan.damping.of_exact.now()
-                toward[joints] = -rate * self._controller.state.v_joints if plan.level.order == 2 else 0.0
-                if not damping.any():
-                    break
-            qp = relaxed(plan.qp, items, share=share, damping=damping, toward=toward)
-            session = solver.open(qp.shape) if session is None else session
-            solution = session.solve(qp)
-            if not solution.status.ok or not np.abs(solution.x).max() < _HUGE:
-                return damped
-            found.append(solution)
-            self._write(solution.x[: plan.problem.n])
+        plan, model = self._controller.plan, self._controller.model
+        qp = relaxed(plan.qp, items, share=share)
+        session = solver.open(qp.shape)
+        if not self._accept(session.solve(qp), found):
+            return False
+        weight, rate = plan.damping.of_exact.now()
+        if weight.any():
+            joints = np.arange(model.nb, model.nv)
+            qp.H[joints, joints] += weight
+            if plan.level.order == 2:
+                qp.g[joints] += weight * rate * self._controller.state.v_joints
+            self._accept(session.solve(qp), found)
+        return True
+
+    def _accept(self, solution: Solution, found: list[Solution]) -> bool:
+        """Take an answer to a relaxed problem, if it is one."""
+        if not solution.status.ok or not np.abs(solution.x).max() < _HUGE:
+            return False
+        found.append(solution)
+        self._write(solution.x[: self._controller.plan.problem.n])
         return True
 
     def _closed_form(self) -> bool:

@@ -14,7 +14,7 @@ from wbc import checks
 from wbc.errors import InvalidInput, InvalidProblem
 from wbc.files import Place, written
 from wbc.npz import read_json, read_npz
-from wbc.tolerances import LARGEST, ROUNDING, SAME, TINY
+from wbc.tolerances import MODERATE, ROUNDING, SAME, TINY
 from wbc.types import Mat, Vec
 
 if TYPE_CHECKING:
@@ -387,7 +387,7 @@ def moderate(values: Vec | Mat) -> bool:
         return True
     # argmin and argmax cost a quarter of min(), max() and all() on arrays of this size; they find a NaN first.
     flat = values.ravel()
-    return bool(-LARGEST < flat[flat.argmin()] and flat[flat.argmax()] < LARGEST)
+    return bool(-MODERATE < flat[flat.argmin()] and flat[flat.argmax()] < MODERATE)
 
 
 def _ordered(lower: Vec, upper: Vec) -> bool:

@@ -48,6 +48,8 @@ def contradiction(qp: QP, tolerance: float) -> Vec | None:
     for multipliers in (_of_nearest, _of_least):
         for units in (_column_units(qp), np.ones(qp.n)):
             push = multipliers(qp, units)
+            if not push.any():
+                continue
             pull = np.abs(push) * length
             push[pull <= SAME * pull.max()] = 0.0
             with np.errstate(all="ignore"):
@@ -68,18 +70,20 @@ def _of_least(qp: QP, units: Vec) -> Vec:
 
     Where rows are nearly dependent the nearest point is far beyond all bounds on the way; this one never is.
     """
-    m = len(qp.lower)
-    nearest = qp.copy()
-    nearest.H[:], nearest.g[:] = np.diag(units**-2.0), 0.0
-    answer = _projected(relaxed(nearest, range(m), share=CANCELS))
+    answer = _projected(relaxed(_smallest(qp, units), range(len(qp.lower)), share=CANCELS))
     return np.concatenate([answer.y, answer.z, answer.z_box[: qp.n]])
 
 
 def _nearest(qp: QP, units: Vec) -> Answer:
     """The point of all rows that is nearest to zero in these units (n,), or the multipliers that contradict."""
-    nearest = qp.copy()
-    nearest.H[:], nearest.g[:] = np.diag(units**-2.0), 0.0
-    return _projected(nearest)
+    return _projected(_smallest(qp, units))
+
+
+def _smallest(qp: QP, units: Vec) -> QP:
+    """The rows of a problem, with ½ ‖x‖² in these units (n,) for a cost."""
+    smallest = qp.copy()
+    smallest.H[:], smallest.g[:] = np.diag(units**-2.0), 0.0
+    return smallest
 
 
 def _projected(qp: QP) -> Answer:

@@ -7,18 +7,13 @@ from collections.abc import Iterable
 import numpy as np
 
 from wbc.qp.problem import QP, Row
-from wbc.types import Vec
 
 
-def relaxed(
-    qp: QP, items: Iterable[int], *, share: float, damping: Vec | float = 0.0, toward: Vec | float = 0.0
-) -> QP:  # fmt: skip
-    """minimise ½ ‖s‖² + share (½ xᵀHx + gᵀx) + ½ Σ dᵢ (xᵢ − cᵢ)²
-    subject to  lower ≤ r x − s ≤ upper  for the rows and bounds ``items``.
+def relaxed(qp: QP, items: Iterable[int], *, share: float) -> QP:
+    """minimise ½ ‖s‖² + share (½ xᵀHx + gᵀx)  subject to  lower ≤ r x − s ≤ upper for the rows and bounds ``items``.
 
     All others hold. ``items`` are indices into ``qp.rows``; the unknowns are [x; s], s in the rows' own units. Feasible
-    whenever the others are. A small ``share`` lets the cost choose only among the least slacks. With a ``damping`` d
-    (n,) ``toward`` c (n,) the slacks are not the least any more.
+    whenever the others are. A small ``share`` lets the cost choose only among the least slacks.
 
     Example:
         >>> import wbc
@@ -38,16 +33,15 @@ def relaxed(
     as_rows[np.arange(len(bounds)), bounds] = 1.0
     as_rows[np.arange(len(bounds)), n + len(rows) + np.arange(len(bounds))] = -1.0
     H = np.zeros((n + k, n + k))
-    H[:n, :n] = share * qp.H + damping * np.eye(n)
+    H[:n, :n] = share * qp.H
     H[range(n, n + k), range(n, n + k)] = 1.0
     lb, ub = qp.lb.copy(), qp.ub.copy()
     lb[bounds], ub[bounds] = -np.inf, np.inf
     free = np.full(k, np.inf)
     names = [*qp.rows[:m], *(qp.rows[m + i] for i in bounds), *qp.rows[m:]]
     names += [Row(qp.rows[i].owner, f"{qp.rows[i].label} gives", qp.rows[i].unit) for i in chosen]
-    g = share * qp.g - damping * toward
     return QP(
-        H, np.concatenate([g, np.zeros(k)]), A=matrix[:n_eq], b=qp.b, C=np.vstack([matrix[n_eq:], as_rows]),
+        H, np.concatenate([share * qp.g, np.zeros(k)]), A=matrix[:n_eq], b=qp.b, C=np.vstack([matrix[n_eq:], as_rows]),
         cl=np.concatenate([qp.cl, qp.lb[bounds]]), cu=np.concatenate([qp.cu, qp.ub[bounds]]),
         lb=np.concatenate([lb, -free]), ub=np.concatenate([ub, free]), rows=names,
     )  # fmt: skip

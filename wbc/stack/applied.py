@@ -34,9 +34,8 @@ class Applied:
     """
 
     def __init__(
-        self, model: RobotModel, level: Level, binding: Binding, contacts: Sequence[Contact], *,
-        intervals: JointIntervals,
-    ) -> None:  # fmt: skip
+        self, model: RobotModel, level: Level, binding: Binding, contacts: Sequence[Contact], intervals: JointIntervals
+    ) -> None:
         self._model, self._level, self._binding = model, level, binding
         order = {contact.name: i for i, contact in enumerate(contacts)}
         #: Place of each contact among those of the stack, by its name, and by its frame where no other has the same.

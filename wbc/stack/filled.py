@@ -18,7 +18,7 @@ from wbc.stack.motion import MotionRows
 from wbc.stack.owner import owner
 from wbc.stack.plan_view import PlanView
 from wbc.stack.tracking import Tracking
-from wbc.tolerances import LARGEST
+from wbc.tolerances import MODERATE
 from wbc.types import Index, Mat, Vec
 
 
@@ -53,7 +53,7 @@ class Filled(PlanView):
         if not self._spoilt & ROW_SPOILT:
             return
         layout, size = self.layout, np.abs(self.problem.G[: self.layout.n_rows]).sum(axis=1)
-        bad = ~(size < LARGEST)
+        bad = ~(size < MODERATE)
         if bad[layout.motion_row :].any():  # a contact's Jacobian is in the torques too: name the cause
             bad[: layout.motion_row] = False
         if bad.any():
@@ -62,8 +62,8 @@ class Filled(PlanView):
             raise _spoilt(next(blocks, None), str(self.problem.rows[row]), float(size[row]))
         for block in layout.joints:
             wanted = np.abs(self.motion.wanted[block.motion])
-            if not (wanted < LARGEST).all():
-                row = int(np.argmin(wanted < LARGEST))
+            if not (wanted < MODERATE).all():
+                row = int(np.argmin(wanted < MODERATE))
                 raise _spoilt(block, f"{block.name}: {block.member.label(row)}", float(wanted[row]))
 
     def errors(self) -> Mapping[str, Vec]:

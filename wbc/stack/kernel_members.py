@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 
-from wbc.errors import InvalidInput
-from wbc.models.model import RobotModel, RobotState
+from wbc.models.model import RobotState
 from wbc.stack.constraint import Barrier, BarrierRows, ConstraintRows, LinearConstraint
 from wbc.stack.contact import Anchor, Contact
 from wbc.stack.kernel_rows import KernelRows
@@ -18,15 +17,6 @@ class _Kernel(Member):
     @abstractmethod
     def kernel_rows(self) -> KernelRows | None:
         """Which kernel writes the rows, and what it reads; None where ``fill`` writes them."""
-
-    def _refuse_no_mass(self, model: RobotModel) -> None:
-        """For ``prepare`` of members that speak of the centre of mass, or of momentum about it.
-
-        Raises:
-            InvalidInput: the robot has no mass.
-        """
-        if not model.mass > 0.0:
-            raise InvalidInput(f"{model.name} has no mass, so {self.name} has no centre of mass to speak of")
 
     def _called(self, state: RobotState, anchor: Anchor | None = None, A: Mat | None = None) -> TaskRows:
         """The rows that the kernel writes; of a member on forces A, of this size, stands for J."""

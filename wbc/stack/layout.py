@@ -14,6 +14,7 @@ from wbc.qp.problem import Row
 from wbc.stack.block import Block, MotionBlock, RowBlock, says_of
 from wbc.stack.constraint import Barrier, Constraints, JointInterval, LinearConstraint, Softly
 from wbc.stack.contact import AXES, WRENCH, Contact, keys
+from wbc.stack.kernel_rows import CENTRE, MOMENTUM, kernel_rows_of
 from wbc.stack.level import Level
 from wbc.stack.member import EFFORTS, explained
 from wbc.stack.stack import Stack
@@ -146,7 +147,7 @@ class Layout:
         return constraints
 
     def _refuse(self, member: Any) -> None:
-        """Refuse what is of no kind, has no rows, or is about what the level does not decide."""
+        """Refuse what is of no kind, has no rows, or is about what the level does not decide or the robot has not."""
         says, level = says_of(member), self.level
         if not isinstance(says, Task | LinearTask | Barrier | LinearConstraint | JointInterval):
             raise NotSupported(
@@ -168,6 +169,9 @@ class Layout:
                 f"{name} is about {quantity}, which the {level.name} does not decide; "
                 f"use {_DECIDED_BY.get(quantity, ' or '.join(sorted(carried)))}"
             )
+        rows = None if self.model.mass > 0.0 else kernel_rows_of(says)
+        if rows is not None and {CENTRE, MOMENTUM} & {*rows.of}:
+            raise InvalidInput(f"{self.model.name} has no mass, so {name} has no centre of mass to speak of")
 
     def forces_of(self, member: Any) -> Index:
         """Columns of the wrenches that a member on "force" speaks of; none for others.

@@ -113,7 +113,7 @@ class Plan(Filled):
         model, contacts, limits = self.model, self.stack.contacts, [limit for limit, *_ in self.layout.joint_limits]
         if like is None:
             intervals = JointIntervals(limits, model, self.dt)
-            applied = Applied(model, self.level, self.binding, contacts, intervals=intervals)
+            applied = Applied(model, self.level, self.binding, contacts, intervals)
         else:
             applied = like.applied
         self.all_tasks = self.stack.tasks if like is None else like.all_tasks

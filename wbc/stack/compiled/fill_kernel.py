@@ -8,7 +8,7 @@ from wbc.compiled import call_at, carray, entry, floats, integers, part
 from wbc.stack.compiled.damping_kernel import follow, observe_all, share
 from wbc.stack.compiled.finish_kernel import write_all
 from wbc.stack.compiled.interval_kernel import joint_bounds
-from wbc.tolerances import LARGEST
+from wbc.tolerances import MODERATE
 
 #: Where the address of v (nv,) stands in what :func:`fill` reads.
 VELOCITY = 5
@@ -37,8 +37,7 @@ def fill(at: int) -> None:
     share, centre = carray(floats(memory[3]), n_joint_blocks * nj), carray(floats(memory[4]), nv - n_u)
     v, q = carray(floats(memory[VELOCITY]), nv), carray(floats(memory[13]), nj)
 
-    if sizes[12] > 0:
-        write_all(sizes[12])
+    write_all(sizes[12])
     for i in range(total):
         if order == 1:
             wanted[i] = rate[i] * e[i] + rate_ref[i]
@@ -76,8 +75,7 @@ def fill(at: int) -> None:
                 G[i, nv + f] = scale * J[i]
     lower, upper = carray(floats(memory[11]), nj), carray(floats(memory[12]), nj)
     joint_bounds(memory[14:], nj, order, q, v[nb:], lower, upper)
-    if sizes[13] > 0:
-        write_all(sizes[13])
+    write_all(sizes[13])
 
 
 #: What :func:`spoilt` finds.
@@ -99,7 +97,7 @@ def spoilt(at: int) -> int:
         total += abs(G[i])
     for i in range(len(wanted)):
         total += abs(wanted[i])
-    found = 0 if total < LARGEST else ROW_SPOILT
+    found = 0 if total < MODERATE else ROW_SPOILT
     for i in range(len(lower)):
         if not (lower[i] <= inf and upper[i] <= inf):
             found |= BOUND_SPOILT
