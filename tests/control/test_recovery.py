@@ -78,6 +78,16 @@ def test_a_tick_without_an_answer_leaves_its_problem_as_it_was(level: Any):
     np.testing.assert_array_equal((control.plan.problem.lb, control.plan.problem.ub), asked)
 
 
+def test_a_reset_forgets_what_the_other_solver_knows_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    control, script = sabotaged(ARM, wbc.VelocityLevel())
+    script.fault = "iterations"
+    assert control.tick(0.0, ARM.q0, STILL).fallback_level == "other solver"
+    asked, other = list[object](), control.mode.second
+    monkeypatch.setattr(type(other), "reset", lambda self: asked.append(self))
+    control.reset()
+    assert any(one is other for one in asked)
+
+
 def test_what_a_back_end_raises_is_said():
     control, script = sabotaged(ARM, wbc.VelocityLevel(), other=False)
     script.fault = "raises"
