@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,6 +11,7 @@ from hypothesis import strategies as st
 
 from tests.qp.zoo import SOLVABLE, random_qp
 from wbc.qp import QP, Certificate, Row, certificate, solve
+from wbc.qp.certificate import rounded_once
 from wbc.types import Vec
 
 inf = np.inf
@@ -177,6 +180,21 @@ def test_an_x_so_large_that_its_rounding_hides_the_slope_is_not_certified(beside
     assert not certificate(qp, x, np.full(n - 2, -5.0), np.zeros(0), np.zeros(n)).ok
     near = certificate(qp, np.zeros(n), np.full(n - 2, -5.0), np.zeros(0), np.zeros(n))
     assert not near.ok and near.slope == pytest.approx(1.0)
+
+
+@given(st.integers(0, 10_000), st.integers(1, 12), st.floats(0.0, 40.0))
+def test_a_sum_is_rounded_once_whatever_cancels(seed: int, n: int, decades: float):
+    rng = np.random.default_rng(seed)
+    rows, factors = (
+        rng.standard_normal(shape) * 10.0 ** rng.uniform(-decades, decades, shape) for shape in ((3, n), n)
+    )
+    rows[rng.random(rows.shape) < 0.2] = 0.0
+    exact = [sum(Fraction(a) * Fraction(x) for a, x in zip(row, factors, strict=True)) for row in rows.tolist()]
+    near = np.array([-float(total) for total in exact])  # all but the last digits cancel
+    for terms in ((), (near,)):
+        for row, total in enumerate(exact):
+            beside = Fraction(float(near[row])) if terms else Fraction(0)
+            assert rounded_once(rows, factors, *terms)[row] == float(total + beside)
 
 
 def test_a_certificate_says_in_words_what_it_lacks():

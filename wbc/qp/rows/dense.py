@@ -25,7 +25,7 @@ from scipy.linalg.blas import dtrsm
 from scipy.linalg.lapack import dpstrf
 
 from wbc.qp.answer import Answer
-from wbc.qp.certificate import FLAT
+from wbc.qp.certificate import FLAT, rounded_once
 from wbc.qp.problem import QP, Row, Shape
 from wbc.qp.rows.core import CoreSolver
 from wbc.qp.rows.problem import RowProblem
@@ -88,7 +88,8 @@ class DenseSteps:
         """The answer one step from ``at`` (n,)."""
         n, n_eq, n_in = qp.shape
         p, m, cost = self._problem, n_in + n, self._size**2
-        p.centre[:] = (qp.H.dot(at) + qp.g).dot(self._T)
+        gradient = rounded_once(qp.H, at, qp.g) if at.any() else qp.g  # near an optimum its terms cancel
+        p.centre[:] = gradient.dot(self._T)
         if self.has_flat:
             p.metric[self._curved :] = self._proximal
             self._proximal *= _LONGER
