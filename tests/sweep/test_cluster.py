@@ -58,6 +58,26 @@ def test_a_worker_of_our_own_that_is_killed_midway_loses_nothing(tmp_path: Path)
     assert f" of {RUNS} runs " in report.summary
 
 
+def test_a_result_that_is_lost_with_its_worker_is_found_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """A worker may die between the end of a run and the fetching of its result."""
+    from distributed import Future
+    from distributed.scheduler import KilledWorker
+
+    lost: list[str] = []
+    fetch = Future.result
+
+    def result(future: Future, *args: Any, **more: Any) -> Any:
+        if len(lost) < 3:
+            lost.append(future.key)
+            raise KilledWorker(future.key, None, 3)
+        return fetch(future, *args, **more)
+
+    monkeypatch.setattr(Future, "result", result)
+    sweep(plan(FEWER), out=tmp_path / "out", workers=2)
+    check_complete(tmp_path / "out", FEWER)
+    assert len(lost) == 3
+
+
 @pytest.fixture
 def scheduler(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
     """A scheduler and two workers as somebody else would have started them."""

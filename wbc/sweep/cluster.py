@@ -52,16 +52,16 @@ def do_all(
             hand_out(trial)
         for future in completed:
             trial = pending.pop(future)
-            error = future.exception()
-            if isinstance(error, KilledWorker) and tries[trial.run] < TRIES:
-                hand_out(trial)
-                continue
-            if error is None:
-                take(future.result())
-            else:
-                take(
-                    {"run": trial.run, "solver": trial.solver, "ok": False, "error": f"{type(error).__name__}: {error}"}
-                )
+            try:
+                line = future.result()  # asked once: what a worker has done is lost if it dies before it is fetched
+            except Exception as error:  # of a run, whatever it is, or of its worker
+                if isinstance(error, KilledWorker) and tries[trial.run] < TRIES:
+                    hand_out(trial)
+                    continue
+                line = {
+                    "run": trial.run, "solver": trial.solver, "ok": False, "error": f"{type(error).__name__}: {error}",
+                }  # fmt: skip
+            take(line)
             future.release()
             following = next(trials, None)
             if following is not None:
