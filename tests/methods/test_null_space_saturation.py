@@ -284,6 +284,25 @@ def test_a_level_that_admits_no_scale_is_dropped_and_the_next_one_kept():
         np.testing.assert_allclose(found.x, [1.0, 0.5, 0.5], atol=1e-7)
 
 
+@given(st.integers(0, 10_000), st.booleans())
+def test_a_level_that_those_above_meet_already_is_kept_whole(seed: int, at_rest: bool):
+    """It asks for combinations of their rows to be what they are, zero among them: a residual is rounding of x."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 8))
+    m = int(rng.integers(1, n))
+    J, x = rng.standard_normal((m, n)) * 10.0 ** rng.uniform(-3, 3, (m, 1)), rng.standard_normal(n)
+    if at_rest:
+        x -= np.linalg.pinv(J) @ J @ x
+    lower, upper = np.full(n, -INF), np.full(n, INF)
+    lower[0] = upper[0] = x[0]
+    target = np.zeros(m) if at_rest else J @ x
+    mixed = rng.integers(-2, 3, (m, m)).astype(float)
+    levels = NullSpaceSaturation.prioritised(
+        [(J, target), (J, target), (mixed @ J, mixed @ target)], lower=lower, upper=upper
+    )
+    assert levels.closed_form().scales == pytest.approx((1.0, 1.0, 1.0), abs=1e-9)
+
+
 def test_several_tasks_agree_on_every_solver():
     tasks = [([[1.0, 0.5, -0.2, 0.1], [0.3, 1.0, 0.7, -0.4]], [2.0, 1.0]), ([[0.0, 0.1, 1.0, 1.0]], [0.5])]
     prioritised = NullSpaceSaturation.prioritised(tasks, lower=-1.1, upper=1.2)

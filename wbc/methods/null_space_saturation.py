@@ -225,7 +225,7 @@ class PrioritisedTasks(Method):
         n = len(self.lower)
         rows, x, scales = np.zeros((0, n)), np.full(n, np.nan), list[float | None]()
         for J, target, drift in self.tasks:
-            found, scale = _Level((J, target, drift), self.lower, self.upper, (rows, rows @ x)).answer(solver)
+            found, scale = _Level((J, target, drift), self.lower, self.upper, (rows, x)).answer(solver)
             scales.append(None if np.isnan(scale) else scale)
             if scales[-1] is not None:
                 x, rows = found, np.vstack([rows, factors(J, of_unit_length=True).V])
@@ -247,7 +247,7 @@ class PrioritisedTasks(Method):
 
 @final
 class _Level:
-    """J x + drift = s target in the box, with rows of the tasks above kept: A x = b, ``kept`` = (A (k, n), b (k,)).
+    """J x + drift = s target in the box, with what the tasks above came to kept: A x = A x₀, ``kept`` = (A (k, n), x₀).
 
     The unknowns are (x, σ) (n + 1,), σ = T s with T = ``full``, the length of the shortest x that does the whole task.
     ``size`` is that of x: what the limits and the task ask for.
@@ -256,7 +256,7 @@ class _Level:
     def __init__(self, task: tuple[Mat, Vec, Vec], lower: Vec, upper: Vec, kept: tuple[Mat, Vec] | None = None) -> None:
         (J, target, drift), n = task, len(lower)
         found = factors(J, of_unit_length=True)
-        rows, right = (np.zeros((0, n)), np.zeros(0)) if kept is None else kept
+        rows, above = (np.zeros((0, n)), np.zeros(n)) if kept is None else kept
         self.lower, self.upper, self.full = lower, upper, found.size(target) or 1.0
         known = float(np.linalg.norm(_known(lower, upper)))
         self.size = min(self.full, known or self.full) + float(np.linalg.norm(found.solve(drift)))
@@ -267,12 +267,13 @@ class _Level:
         self._qp = QP(
             np.eye(n + 1), np.zeros(n + 1),
             A=np.block([[rows, np.zeros((len(rows), 1))], [J, -target[:, None] / self.full]]),
-            b=np.append(right, -drift), lb=np.append(lower - low, 0.0), ub=np.append(upper + high, self.full),
+            b=np.append(rows @ above, -drift), lb=np.append(lower - low, 0.0), ub=np.append(upper + high, self.full),
         )  # fmt: skip
+        self._terms = np.append(np.abs(rows) @ np.abs(above), np.abs(drift))  # that b is a sum of
 
     def _nearest(self, solver: str | Solver | None, unit: float = 1.0) -> Nearest | None:
         root = np.diag(np.where(self._towards > 0.0, unit, 1.0))
-        return nearest(self._qp, np.zeros(self._qp.n), root, solver, along=self._towards)
+        return nearest(self._qp, np.zeros(self._qp.n), root, solver, terms=self._terms, along=self._towards)
 
     @property
     def push(self) -> float:
