@@ -295,6 +295,35 @@ def test_braking_relaxes_limits_on_jerk_and_none_on_acceleration(seed: int) -> N
             q, v = command.q, command.v
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_joint_without_position_limits_is_one_whose_limits_are_out_of_reach(seed: int, tmp_path: Path) -> None:
+    """As a continuous joint is; ways to rest are looked for, as motors are weak and jerk is limited."""
+    rng = np.random.default_rng(seed)
+    robot, tau_max = arm(seed, tmp_path, share=0.9)
+    low, high = robot.limits.q_min.copy(), robot.limits.q_max.copy()
+    free = rng.random(robot.nj) < 0.5
+    free[int(rng.integers(robot.nj))] = True
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    target = middle + 0.8 * half * rng.uniform(-1.0, 1.0, robot.nj)
+    moves = []
+    for far in (1e6, np.inf):
+        low[free], high[free] = -far, far
+        limits = [
+            JointPositionLimits(lower=low, upper=high), JointVelocityLimits(), TorqueLimits(tau_max),
+            JointJerkLimits(2000.0),
+        ]  # fmt: skip
+        stack = wbc.Stack([Posture(target, kp=100.0)], subject_to=limits)
+        controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), dt=1e-3)
+        q, v, found = middle, np.zeros(robot.nv), []
+        with np.errstate(invalid="raise", divide="raise"):
+            for k in range(150):
+                command = controller.tick(1e-3 * k, q, v)
+                q, v = command.q, command.v
+                found.append(q)
+        moves.append(np.array(found))
+    np.testing.assert_allclose(moves[0], moves[1], rtol=0, atol=1e-6)
+
+
 @pytest.mark.parametrize("seed", [0, 3])
 def test_what_is_relaxed_is_said_of_the_limits_of_the_tick_whatever_braking_needs(seed: int, tmp_path: Path) -> None:
     """Weak arms too fast for their limits on jerk: braking takes other bounds than a controller that does not brake."""

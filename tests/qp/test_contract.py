@@ -159,6 +159,19 @@ def test_sides_may_come_and_go_in_one_session(solver: Solver):
         np.testing.assert_allclose(answer.x, x, atol=1e-5)
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_bounds_at_zero_may_come_and_go_in_one_session(solver: Solver, seed: int):
+    """An answer at a bound of 0 that is then taken away is stationary still, with a multiplier of nothing."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 6))
+    J, g = rng.standard_normal((n, n)), rng.standard_normal(n)
+    H = J.T @ J + 0.1 * np.eye(n)
+    session = solver.open(QP(H, g).shape)
+    for _ in range(8):
+        answer = session.solve(QP(H, g, lb=rng.choice([0.0, -1.0, -np.inf], n)))
+        assert answer.status is Status.SOLVED, answer.reason
+
+
 def test_zeros_may_become_numbers_in_one_session(solver: Solver):
     diagonal = QP(np.eye(2), [-1.0, -2.0], C=[[1.0, 0.0]], cu=[0.5])
     full = QP([[2.0, 1.0], [1.0, 2.0]], [-3.0, -3.0], C=[[1.0, 1.0]], cu=[1.0])

@@ -15,7 +15,7 @@ import numpy as np
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.filled import Filled
 from wbc.stack.interval import JointIntervals
-from wbc.tolerances import NEAR, SAME
+from wbc.tolerances import HUGE, NEAR, SAME
 from wbc.types import Mat, Vec
 
 #: Share of the torque range that the way to rest leaves free on either side: it is computed in few moments.
@@ -156,7 +156,7 @@ class Stopping:
         """B (nj,), the room ahead (nj,) that stopping in ticks leaves, and the deceleration v² / 2 s (nj,)."""
         B, ahead = self._intervals.ahead(q[self._first :], v)
         speed = np.abs(v)
-        room = ahead - 0.5 * self._dt * speed
+        room = np.minimum(ahead - 0.5 * self._dt * speed, HUGE)  # no limit ahead is one that is out of reach
         return B, room, speed * speed / (2.0 * np.maximum(room, SAME))
 
     def _surely(self, q: Vec, v: Vec) -> bool:

@@ -10,6 +10,7 @@ from typing import Any, final
 import numpy as np
 from scipy.sparse import csc_matrix
 
+from wbc.qp.certificate import Certificate
 from wbc.qp.problem import QP, Shape
 from wbc.qp.solver import Answer, Session, Solver
 from wbc.types import Index, Mat, Status, Vec
@@ -40,12 +41,14 @@ class KeptSession(Session):
     """A session around a workspace of its back end.
 
     The workspace is made at the first solve and updated after that. What it remembers can mislead (a warm start
-    from another active set, the scaling of older data), so a failure is only believed from a fresh one.
+    from another active set, the scaling of older data), so a failure is only believed from a fresh one, and so is an
+    answer that is not certified.
     """
 
     def __init__(self, solver: Solver, shape: Shape) -> None:
         super().__init__(solver, shape)
         self._workspace: Any = None
+        self._remembers = False  # whether the last answer is that of a workspace with a past
 
     @abstractmethod
     def _write(self, qp: QP) -> bool:
@@ -80,6 +83,7 @@ class KeptSession(Session):
         if self._workspace is not None and fits:
             self._update(qp, self._workspace)
             answer = self._run(qp, self._workspace)
+        self._remembers = answer.status.ok
         if not answer.status.ok:
             self._workspace = self._make(qp)
             if self._workspace is not None:
@@ -90,6 +94,14 @@ class KeptSession(Session):
             answer = Answer.none(qp.shape, answer.status, answer.iterations)
         answer.build_time = build_time
         return answer
+
+    def _improved(self, qp: QP, answer: Answer, proof: Certificate) -> tuple[Answer, Certificate]:
+        answer, proof = super()._improved(qp, answer, proof)
+        if not self._remembers or proof.within(self.solver.tolerance):
+            return answer, proof
+        self._workspace = None
+        fresh = self._solve(qp)
+        return super()._improved(qp, fresh, fresh.certificate(qp, self.solver.tolerance))
 
 
 @final
