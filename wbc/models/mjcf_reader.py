@@ -265,24 +265,28 @@ class _Translation:
         )  # fmt: skip
 
     def _effort(self, joint: int) -> float:
-        """What its actuators can do at most; without one nothing, in a file that has actuators at all."""
+        """What its actuators can do in either direction; without one nothing, in a file that has actuators at all."""
         m = self.m
-        effort = 0.0 if m.nu else inf
+        low, high = (0.0, 0.0) if m.nu else (-inf, inf)
         for actuator in map(int, np.flatnonzero(self._drives() & (m.actuator_trnid[:, 0] == joint))):
             if m.actuator_armature[actuator] or m.actuator_damping[actuator].any():
                 raise ModelError(
                     f"an actuator of joint {self.joint(joint)!r} has armature or damping; give the joint's"
                 )
-            gear = abs(float(m.actuator_gear[actuator, 0]))
+            least, most = -inf, inf
+            if m.actuator_ctrllimited[actuator] and self._is_motor(actuator):
+                least, most = sorted(float(m.actuator_gainprm[actuator, 0]) * m.actuator_ctrlrange[actuator])
             if m.actuator_forcelimited[actuator]:
-                effort += gear * float(np.abs(m.actuator_forcerange[actuator]).max())
-            elif m.actuator_ctrllimited[actuator] and self._is_motor(actuator):
-                gain = abs(float(m.actuator_gainprm[actuator, 0]))
-                effort += gear * gain * float(np.abs(m.actuator_ctrlrange[actuator]).max())
-            else:
-                effort = inf
+                least, most = np.clip((least, most), *m.actuator_forcerange[actuator])
+            gear = float(m.actuator_gear[actuator, 0])
+            ends = sorted((gear * least, gear * most)) if gear else (0.0, 0.0)
+            low, high = low + float(ends[0]), high + float(ends[1])
         if m.jnt_actfrclimited[joint]:
-            effort = min(effort, float(np.abs(m.jnt_actfrcrange[joint]).max()))
+            low, high = map(float, np.clip((low, high), *m.jnt_actfrcrange[joint]))
+        effort = max(min(-low, high), 0.0)
+        if -low != high:
+            given = f"joint {self.joint(joint)!r} is driven with {low:g} to {high:g}"
+            self.left_out.append(f"{given}, of which what is beyond ±{effort:g} is left out")
         return effort
 
     def _is_motor(self, actuator: int) -> bool:
