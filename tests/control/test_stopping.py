@@ -324,6 +324,36 @@ def test_a_joint_without_position_limits_is_one_whose_limits_are_out_of_reach(se
     np.testing.assert_allclose(moves[0], moves[1], rtol=0, atol=1e-6)
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_strong_motors_bring_joints_back_into_their_limits_as_if_nothing_limited_torques(
+    seed: int, tmp_path: Path
+) -> None:
+    """Some joints are outside and move on, by as little as noise makes of it; the others are somewhere."""
+    rng = np.random.default_rng(seed)
+    robot, tau_max = arm(seed, tmp_path)
+    low, high, n = robot.limits.q_min, robot.limits.q_max, robot.nj
+    out, up = rng.random(n) < 0.5, rng.random(n) < 0.5
+    out[int(rng.integers(n))] = True
+    beyond = 10.0 ** rng.uniform(-6.0, -1.5)
+    speed = np.where(up, 1.0, -1.0) * rng.uniform(0.0, 0.2, n) * np.minimum(1.0, 1e3 * beyond)
+    start = np.where(out, np.where(up, high + beyond, low - beyond), rng.uniform(low, high))
+    target = rng.uniform(low, high)
+    moves = []
+    for motors in ([], [TorqueLimits(1e4 * tau_max)]):
+        stack = wbc.Stack(
+            [Posture(target, kp=25.0)], subject_to=[JointPositionLimits(), JointVelocityLimits(), *motors]
+        )
+        controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics())
+        q, v, found = start, np.where(out, speed, 0.0), []
+        for k in range(150):
+            command = controller.tick(controller.dt * k, q, v)
+            assert command.fallback_level == "solved", controller.why
+            q, v = command.q, command.v
+            found.append(command.a)
+        moves.append(np.array(found))
+    np.testing.assert_allclose(moves[0], moves[1], rtol=1e-6, atol=1e-6)
+
+
 @pytest.mark.parametrize("seed", [0, 3])
 def test_what_is_relaxed_is_said_of_the_limits_of_the_tick_whatever_braking_needs(seed: int, tmp_path: Path) -> None:
     """Weak arms too fast for their limits on jerk: braking takes other bounds than a controller that does not brake."""

@@ -75,6 +75,9 @@ class Stopping:
     is left the decelerations that still stop it at its limit. Where these contradict each other, too, the limits are
     relaxed; on a robot with joints that nothing limits the first decision stands.
 
+    A joint that is outside its limit and moves on, or that is too fast to be stopped there, brakes with B. In that tick
+    its limit counts as being where B stops it, so that the other joints have a way to rest.
+
     It holds for robots on a fixed base without contacts, whose model, torque limits and states are what they are
     thought to be. The way to rest is computed with ``_MARGIN`` of the torques in hand. Other rows of the stack that
     are exact are not looked at. Del Prete, IEEE RA-L 2018, has the same for one joint with a constant B.
@@ -106,6 +109,7 @@ class Stopping:
         self._fast = np.where(np.isfinite(fast) & (fast > 0.0), fast, 1.0)
         self._per_fast, self._half_dt = 1.0 / self._fast, 0.5 * dt
         self._load = _Load(*torques, np.zeros(model.nv), None)
+        self._in_time = np.zeros(model.nj)
         self._sample()
         self.reset()
 
@@ -114,6 +118,8 @@ class Stopping:
         self._gentle, self._share = _GENTLE[0], 1.0
         #: The last way to rest that was found; None where decelerations that torques surely allow are enough.
         self._way: _Way | None = None
+        #: How far beyond its limit B stops each joint in this tick (nj,), signed as its velocity.
+        self._late = self._in_time
 
     def _sample(self) -> None:
         """Bounds of |M|, of |h| at rest and of what moving at the velocity limits adds, over the position limits."""
@@ -156,6 +162,8 @@ class Stopping:
         """B (nj,), the room ahead (nj,) that stopping in ticks leaves, and the deceleration v² / 2 s (nj,)."""
         B, ahead = self._intervals.ahead(q[self._first :], v)
         speed = np.abs(v)
+        if self._late.any():
+            ahead += np.maximum(self._late * np.sign(v), 0.0)
         room = np.minimum(ahead - 0.5 * self._dt * speed, HUGE)  # no limit ahead is one that is out of reach
         return B, room, speed * speed / (2.0 * np.maximum(room, SAME))
 
@@ -253,7 +261,8 @@ class Stopping:
         if plan.applied.lifts:
             return
         self._load = _Load(*plan.torque_range, plan.extra_bias, plan.applied.inertia)
-        if self._is_safe_after(plan, state):
+        self._late = self._in_time
+        if self._is_safe_after(plan, state) or (self._find_late(state) and self._is_safe_after(plan, state)):
             self._share = 1.0
             return
         lower, upper = plan.joint_bound_rows
@@ -280,6 +289,13 @@ class Stopping:
             if share == 0.0 or self._is_safe_after(plan, state):
                 return
             share = 0.25 * share if share > _LEAST_SHARE else 0.0
+
+    def _find_late(self, state: RobotState) -> bool:
+        """Whether B stops some joint only beyond its limit; by how much is added to its room ahead in this tick."""
+        B, room, _ = self._needed(state.q, state.v)
+        late = np.maximum(state.v**2 / (2.0 * np.maximum(B, SAME)) - room, 0.0)
+        self._late = np.sign(state.v) * np.where(late > SAME, late, 0.0)
+        return bool(self._late.any())
 
     def _just_in_time(self, state: RobotState, low: Vec, high: Vec, lower: Vec, upper: Vec) -> None:
         """Of the bounds ``low`` and ``high`` those decelerations, or more, that stop each joint at the limit ahead."""
