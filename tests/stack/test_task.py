@@ -38,6 +38,42 @@ class Plain(Task):
         out.e[:], out.J[:], out.drift[:] = 0.0, 0.0, 0.0
 
 
+class Planar(Task):
+    """The end of the arm in a plane, by writing into the arrays or by assigning to them."""
+
+    dim, units = 2, "m"
+
+    def __init__(self, assigns: bool) -> None:
+        super().__init__()
+        self.assigns, self.is_wrong = assigns, False
+
+    def fill(self, state: Any, out: Any) -> None:
+        tool = state.frame("tool")
+        e, J, drift = np.array([0.4, 0.2]) - tool.position[:2], tool.jacobian()[:2], tool.drift()[:2]
+        if self.is_wrong:
+            out.e = np.zeros(3)
+        if self.assigns:
+            out.e, out.J, out.drift = e, J, drift
+        else:
+            out.e[:], out.J[:], out.drift[:] = e, J, drift
+
+
+@pytest.mark.parametrize("level", [wbc.VelocityLevel(), wbc.InverseDynamics()], ids=str)
+def test_a_task_may_assign_its_rows_or_write_into_them(level: Any):
+    """An assignment of another shape fails its own tick, and no later one."""
+    tasks = [Planar(assigns) for assigns in (False, True)]
+    controllers = [wbc.Controller(ARM, wbc.Stack([task]), level=level) for task in tasks]
+    v = np.full(ARM.nv, 0.1)
+    for k in range(4):
+        tasks[1].is_wrong = k == 2
+        written, assigned = (controller.tick(1e-3 * k, ARM.q0 + 0.1 * k, v) for controller in controllers)
+        if k == 2:
+            assert not assigned.status.ok and "Planar" in controllers[1].why
+        else:
+            assert assigned.status.ok
+            np.testing.assert_array_equal(assigned.q, written.q)
+
+
 @given(st.floats(0.01, 1e4))
 def test_gains_are_critically_damped_unless_given(kp: float):
     for gain, expected in zip(Plain(kp=kp).gains(), (kp, 2 * np.sqrt(kp), np.sqrt(kp) / 2), strict=True):

@@ -88,12 +88,6 @@ class WritesSometimes(Height):
             out.rate_ref[:] = 1.0
 
 
-class Replaces(Height):
-    def fill(self, state, out):
-        super().fill(state, out)
-        out.e = np.array(out.e)
-
-
 class WritesBeside(Height):
     def fill(self, state, out):
         super().fill(state, out)
@@ -127,7 +121,6 @@ class WrongUnits(Height):
         (Remembers, "not pure"),
         (KeepsAView, "not pure"),
         (WritesSometimes, "not pure"),
-        (Replaces, "replaced out.e"),
         (WritesBeside, "wrote beside out.e"),
         (PushesTheState, "changed the state"),
         (WrongErrorRate, "ed is"),

@@ -22,6 +22,7 @@ from wbc import checks
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.member import EFFORTS, Member
 from wbc.stack.objective import Objective
+from wbc.stack.task_rows import FilledRows
 from wbc.types import Index, Mat, Vec
 
 Quantity = Literal["position", "velocity", "acceleration", "jerk", "torque"]
@@ -79,7 +80,7 @@ class TorqueBySpeed(JointInterval):
         """Narrow torque bounds (nj,) in place for joint velocities v (nj,); 0 stays inside."""
 
 
-class BarrierRows:
+class BarrierRows(FilledRows):
     """Where a barrier writes: h (dim,), its Jacobian J = ∂h/∂q (dim, nv), and where h depends on time also by itself
     rate = ∂h/∂t (dim,), zero unless written; drift (dim,) is d²h/dt² at a = 0, which is J̇ v for most."""
 
@@ -135,7 +136,7 @@ class Barrier(Constraint):
         return self.label(row)
 
 
-class ConstraintRows:
+class ConstraintRows(FilledRows):
     """Where a linear constraint writes: A (dim, size of its quantity), lo and hi (dim,)."""
 
     __slots__ = ("A", "hi", "lo")

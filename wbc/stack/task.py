@@ -21,7 +21,7 @@ from wbc.stack.contact import Anchor, Contact
 from wbc.stack.kernel_rows import KernelRows, kernel_rows_of
 from wbc.stack.member import EFFORTS, Member
 from wbc.stack.objective import Objective, row_numbers
-from wbc.stack.task_rows import TaskRows
+from wbc.stack.task_rows import FilledRows, TaskRows
 from wbc.types import Index, Mat, Vec
 
 __all__ = [
@@ -30,7 +30,7 @@ __all__ = [
 ]  # fmt: skip
 
 
-class LinearRows:
+class LinearRows(FilledRows):
     """Where a linear task writes: A (dim, size of its quantity) and b (dim,), for A y = b."""
 
     __slots__ = ("A", "b")
@@ -320,12 +320,13 @@ class LinearExactly(LinearConstraint):
 
     def prepare(self, model: RobotModel) -> None:
         self.task.prepare(model)
-        self.dim, self._rows = self.task.dim, LinearRows()
+        self.dim = self.task.dim
         self.units = tuple(self.task.unit(i) for i in range(self.dim))
 
     def fill(self, state: RobotState, out: ConstraintRows) -> None:
-        self._rows.A, self._rows.b = out.A, out.lo
-        self.task.fill(state, self._rows)
+        rows = LinearRows()
+        rows.A, rows.b = out.A, out.lo
+        self.task.fill(state, rows)
         out.hi[:] = out.lo
 
 

@@ -1,11 +1,38 @@
-"""TaskRows: where kinematic tasks and contacts write."""
+"""Where members write their rows: views into the plan's own memory."""
 
 from __future__ import annotations
+
+from typing import Any
 
 from wbc.types import Mat, Vec
 
 
-class TaskRows:
+class FilledRows:
+    """Arrays of a plan that members fill: ``out.e = …`` writes into the array that the plan gave, as ``out.e[:] = …``.
+
+    Raises:
+        ValueError: an assignment that does not have the shape of the array, nor one that numpy repeats to it.
+
+    Example:
+        >>> import numpy as np
+        >>> from wbc.stack.task_rows import TaskRows
+        >>> memory, out = np.zeros(2), TaskRows()
+        >>> out.drift = memory
+        >>> out.drift = [1.0, 2.0]
+        >>> memory
+        array([1., 2.])
+    """
+
+    __slots__ = ()
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if hasattr(self, name):
+            getattr(self, name)[...] = value
+        else:
+            object.__setattr__(self, name, value)
+
+
+class TaskRows(FilledRows):
     """Where a kinematic task, or a contact, writes: views into the plan's own memory, ``dim`` rows.
 
     e (dim,)          error, target − actual; of a pose ``linear`` is e[:3] and ``angular`` e[3:]
@@ -15,7 +42,7 @@ class TaskRows:
     acc_ref (dim,)    acceleration of the target, zero unless written
     ed (dim,)         rate of the error; left alone it is rate_ref − J v, which the plan computes for all tasks at once
 
-    Assign with ``out.e[:] = …``: the arrays stay, their contents change.
+    ``out.e[:] = …`` and ``out.e = …`` both write into the array.
     """
 
     __slots__ = ("J", "_e", "acc_ref", "angular", "drift", "ed", "linear", "rate_ref")

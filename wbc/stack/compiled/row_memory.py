@@ -31,7 +31,8 @@ def called(
     """
     rows = TaskRows()
     rows.e, rows.drift, rows.rate_ref, rows.acc_ref = np.zeros((4, dim))
-    rows.J = np.zeros((dim, state.model.nv)) if said.constant is None else said.constant
+    if A is None:
+        rows.J = np.zeros((dim, state.model.nv)) if said.constant is None else said.constant
     if said.of and not state.drifts:
         rows.drift[:] = np.nan
     item = Item(said, state, rows, anchor, None if A is None else np.zeros(A.shape), second=state.drifts)
