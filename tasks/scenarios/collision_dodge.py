@@ -151,6 +151,7 @@ def clearance(run: wbc.Run, robot: PinocchioModel, around: Sequence[Obstacle]) -
     rest, times, distances, pairs = np.zeros(robot.nv), [], [], []
     for row in range(0, run.rows, EVERY):
         state.update(float(run["t"][row]), np.asarray(run["plant.q"][row]), rest)
+        measured.reset()  # else a pair keeps the row until another is nearer by a tenth of the reach
         measured.read(state)
         times.append(state.t)
         distances.append(float(measured.distance[0]))

@@ -7,9 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+import wbc
 from tasks.scenarios import SCENARIOS
-from tasks.scenarios.collision_dodge import PERIOD, obstacles, path
+from tasks.scenarios.collision_dodge import EVERY, FAR, PERIOD, clearance, obstacles, path
 from wbc.errors import InvalidInput
+from wbc.models.collision import Distances
 from wbc.models.geometry import Cylinder
 from wbc.report import run_report
 from wbc.sim.scenario import ScenarioResult, Settings
@@ -51,6 +53,25 @@ def test_the_post_stands_in_the_way_and_the_ball_swings_across_it():
     assert (inside & (np.abs((way - at)[:, 2]) < 0.5 * shape.length)).any()
     swings = np.array([ball.at(t).translation for t in np.linspace(0.0, PERIOD, 200)])
     assert np.ptp(swings[:, 1]) > 0.3 and np.abs(np.diff(swings, axis=0)).max() < 0.05
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_clearance_is_the_smallest_distance_of_all_pairs_at_every_time(seed: int):
+    """Along random motions, against a reading that has a row for every pair."""
+    rng, arm, around = np.random.default_rng(seed), wbc.load("arm"), obstacles()
+    t = 4e-3 * np.arange(400)
+    slow, phase = rng.uniform(0.1, 1.0, arm.nv), rng.uniform(0.0, 2.0 * np.pi, arm.nv)
+    q = arm.q0 + 0.6 * np.sin(2.0 * np.pi * slow * t[:, None] + phase)
+    found = clearance(wbc.Run({"t": t, "plant.q": q}, {}), arm, around)
+    state, all_of_them = arm.state(drifts=False), Distances(arm, obstacles=around, count=1000, reach=FAR)
+    assert np.array_equal(found.times, t[::EVERY])
+    for k, row in enumerate(range(0, len(t), EVERY)):
+        state.update(float(t[row]), q[row], np.zeros(arm.nv))
+        all_of_them.read(state)
+        nearest = int(np.argmin(all_of_them.distance))
+        assert found.distances[k] == all_of_them.distance[nearest]
+        if found.distances[k] < FAR:
+            assert found.pairs[k] == all_of_them.pairs[all_of_them.which[nearest]]
 
 
 @pytest.mark.deep
