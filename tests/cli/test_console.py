@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import pytest
@@ -49,6 +50,15 @@ def test_trials_are_parts_of_the_whole():
     for _, one in trials(lambda done, text="": seen.append((done, text)), "ab"):
         one(1.0)
     assert seen == [(0.0, "1 of 2"), (0.5, "1 of 2"), (0.5, "2 of 2"), (1.0, "2 of 2")]
+
+
+def test_notes_tell_a_warning_once_and_no_deprecation(capsys):
+    with console.notes():
+        for _ in range(2):
+            warnings.warn("the motors are\n weak", UserWarning, stacklevel=2)
+        for kind in (DeprecationWarning, PendingDeprecationWarning):
+            warnings.warn("use np.reshape", kind, stacklevel=2)
+    assert capsys.readouterr().err == "note: the motors are weak\n"
 
 
 def test_a_report_is_an_absolute_address_and_opened_when_asked(monkeypatch, capsys, tmp_path: Path):

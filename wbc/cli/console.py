@@ -149,9 +149,14 @@ def on_stderr() -> Iterator[None]:
 
 @contextmanager
 def notes(*, told: bool = True) -> Iterator[None]:
-    """Collects what libraries warn about, each sentence once; ``told`` on stderr, one a line, if all goes well."""
+    """Collects what libraries warn about, each sentence once; ``told`` on stderr, one a line, if all goes well.
+
+    Deprecations, which are for those who write the libraries, are left out.
+    """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("default")
+        for kind in (DeprecationWarning, PendingDeprecationWarning):
+            warnings.simplefilter("ignore", kind)
         yield
     for note in dict.fromkeys(" ".join(str(warning.message).split()) for warning in caught):
         if told:
