@@ -179,6 +179,58 @@ def test_ctrl_c_keeps_what_was_recorded_with_its_report(wbc, tmp_path):
     assert (tmp_path / "report" / "report.html").is_file()
 
 
+JUDGES = """
+import wbc
+from tasks import JointVelocityLimits, Position
+from wbc.sim.plant import IntegratorPlant
+from wbc.sim.scenario import Scenario, Setup
+
+class Reach(Scenario):
+    name, summary, duration = "reach", "an arm reaches", 0.02
+
+    def cases(self, p):
+        return {"near": {"x": 0.4}, "far": {"x": 0.5}}
+
+    def build(self, p):
+        robot = wbc.load("arm")
+        stack = wbc.Stack([Position("tool", target=[p["x"], 0.2, 0.5])], subject_to=[JointVelocityLimits()])
+        return Setup(stack=stack, plant=IntegratorPlant(robot, level="velocity"), level=wbc.VelocityLevel())
+
+    def judge(self, trials, p):
+"""
+
+
+@pytest.mark.parametrize(
+    ("judge", "said", "kept"),
+    [
+        ("near, far = trials; near.error('Position').max(axis=1)", "AxisError: axis 1 is out", ["near", "far"]),
+        ("for trial in trials: trial.run['velocity']", "UnknownColumn: there is no column 'velocity'", ["near"]),
+        ("next(trials).error('Postion')", "UnknownColumn: there is no column 'error.Postion'; did", ["near"]),
+    ],
+)  # fmt: skip
+def test_an_error_in_the_judge_is_named_and_keeps_the_runs(wbc, tmp_path, judge: str, said: str, kept: list[str]):
+    (tmp_path / "own.py").write_text(f"{JUDGES}        {judge}\n")
+    answer = wbc("run", "own.py:Reach", "--out", "report")
+    assert answer.code == 2 and not answer.out
+    line = JUDGES.count("\n") + 1
+    assert f"wbc: the scenario reach raised {said}" in answer.err
+    assert f"(own.py:{line}); the run is in report" in answer.err and "Traceback" not in answer.err
+    run = Run.load(tmp_path / "report")
+    assert run.rows == 20 and run.meta["judged"]["ok"] is False
+    beside = [Run.load(path) for path in sorted((tmp_path / "report" / "beside").glob("*"))]
+    assert [one.meta.get("called", "") for one in (run, *beside)] == (kept if len(kept) > 1 else [""])
+    assert said.partition(":")[0] in (tmp_path / "report" / "report.md").read_text()
+    again = wbc("run", "own.py:Reach", "--out", "report")
+    assert again.code == 2, "the folder of a run without a verdict can be replaced"
+
+
+def test_an_error_before_any_run_leaves_nothing(wbc, tmp_path):
+    (tmp_path / "own.py").write_text(f"{JUDGES}        1 / 0\n")
+    with pytest.raises(ZeroDivisionError):
+        wbc("run", "own.py:Reach", "--out", "report")
+    assert not (tmp_path / "report").exists()
+
+
 def test_ctrl_c_while_the_report_is_drawn_keeps_the_run(wbc, waving, tmp_path, monkeypatch: pytest.MonkeyPatch):
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt

@@ -7,12 +7,15 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from traceback import extract_tb
 from typing import TYPE_CHECKING, Annotated, Any
+from weakref import ref
 
 import typer
 from rich.text import Text
 
 from wbc.cli.console import (
+    BAD_INPUT,
     INTERRUPTED,
     NO,
     complain,
@@ -28,7 +31,7 @@ from wbc.cli.console import (
 from wbc.cli.options import AsJson, Out, PlantName, SetOptions, Show, SolverName
 
 if TYPE_CHECKING:
-    from wbc.sim.scenario import ScenarioResult
+    from wbc.sim.scenario import Scenario, ScenarioResult, Trial
     from wbc.sim.simulate import Interrupted
 
 
@@ -58,10 +61,11 @@ def run(
     as_json: AsJson = False,
     show: Show = False,
 ) -> None:
-    """Run a scenario, print its verdict, write its report. Exit code 0: the verdict is good, 1: it is not."""
+    """Run a scenario, print its verdict, write its report. Exit code 0: the verdict is good, 1: it is not, 2: bad
+    input, or the scenario raised an error; what it had simulated is kept."""
     from wbc.cli.list_ import described, listed
     from wbc.control.recorder import ARRAYS_FILE, META_FILE
-    from wbc.errors import InvalidInput
+    from wbc.errors import InvalidInput, SimulationError
     from wbc.qp.solvers import by_name
     from wbc.report.build import require_extras
     from wbc.report.folder import HTML, replaced
@@ -82,13 +86,23 @@ def run(
     by_name(solver)
     folder = place(out, chosen.name)
     require_extras()
-    interrupted, report = False, None
+    interrupted, raised, report = False, "", None
+    done: list[ref[Trial]] = []  # no memory is held for runs that the scenario has let go
     with replaced(folder, ARRAYS_FILE) as pending, notes(told=not as_json), on_stderr():
         with progress(f"running {chosen.name}") as step, _shown(live, port):
             try:
-                result = chosen.run(parameters, Settings(**chosen_settings, solver=solver, progress=step))
+                chosen_settings |= {"solver": solver, "progress": step}
+                result = chosen.run(parameters, Settings(**chosen_settings), simulated=lambda t: done.append(ref(t)))
             except Interrupted as stop:
                 result, interrupted = _unfinished(stop, chosen.name), True
+            except SimulationError:
+                raise
+            except Exception as error:
+                kept = [trial for one in done if (trial := one()) is not None]
+                if not kept:
+                    raise
+                raised = _told(error, chosen)
+                result = _unjudged(kept, raised)
         try:
             with progress("drawing the report") as step:
                 report = write_run(result, pending, progress=step)
@@ -98,6 +112,9 @@ def run(
             (pending / HTML).unlink(missing_ok=True)  # half of it, perhaps
     if report is None:
         raise KeyboardInterrupt(f"the run is in {folder}, and `wbc report run {folder}` draws its report")
+    if raised:
+        complain(f"{raised}; the run is in {folder}")
+        raise typer.Exit(BAD_INPUT)
     if as_json:
         print(json.dumps(summary(chosen.name, result, folder), allow_nan=False, ensure_ascii=False))
     else:
@@ -134,6 +151,30 @@ def _unfinished(stop: Interrupted, name: str) -> ScenarioResult:
     return ScenarioResult(
         run=run, ok=False, violations=measure.violations(run), tracking=measure.tracking(run), verdict=[complete],
         robot=stop.robot,
+    )  # fmt: skip
+
+
+def _told(error: Exception, scenario: Scenario) -> str:
+    """What a scenario raised, and the last line of its own file that led there."""
+    from wbc.plugins import one_line
+
+    own = sys.modules[type(scenario).__module__].__file__
+    lines = [
+        f" ({Path(one.filename).name}:{one.lineno})" for one in extract_tb(error.__traceback__) if one.filename == own
+    ]
+    return f"the scenario {scenario.name} raised {one_line(error)}{''.join(lines[-1:])}"
+
+
+def _unjudged(kept: list[Trial], raised: str) -> ScenarioResult:
+    """What can be said of runs that the scenario could not judge."""
+    from wbc.report import measure
+    from wbc.sim.scenario import Check, ScenarioResult
+
+    first, *others = kept
+    return ScenarioResult(
+        run=first.run, ok=False, violations=measure.violations(first.run), tracking=measure.tracking(first.run),
+        verdict=[Check("errors in the scenario's own code", 1.0, "=", 0.0)], figures={"raised": raised},
+        robot=first.robot, called=first.name, beside={trial.name: trial.run for trial in others},
     )  # fmt: skip
 
 

@@ -204,14 +204,18 @@ class Scenario(ABC):
         """Judge the runs. Each is simulated when it is taken from ``trials``, in the order of the cases."""
 
     @final
-    def run(self, parameters: Mapping[str, Any], settings: Settings) -> ScenarioResult:
+    def run(
+        self, parameters: Mapping[str, Any], settings: Settings, *, simulated: Callable[[Trial], object] | None = None
+    ) -> ScenarioResult:
         """Build and simulate each case, and judge. ``parameters`` is complete: the defaults and what the user set.
+        ``simulated`` is called with each trial before it is judged.
 
         Raises:
             WbcError: an unknown frame or solver, or a setting without meaning here; before the first tick.
         """
         p = Parameters(parameters, settings)
-        return self.judge(self.simulated(self.cases(p), p), p)
+        done = self.simulated(self.cases(p), p)
+        return self.judge(done if simulated is None else _shown(done, simulated), p)
 
     @final
     def simulated(self, cases: Mapping[str, Mapping[str, Any]], p: Parameters) -> Iterator[Trial]:
@@ -286,6 +290,14 @@ class Scenario(ABC):
             "hierarchy": hierarchy or self.hierarchies[0],
             "duration": checks.number("duration", self.duration if duration is None else duration, low=0, strict=True),
         }
+
+
+def _shown(done: Iterator[Trial], simulated: Callable[[Trial], object]) -> Iterator[Trial]:
+    """The trials, each shown to ``simulated`` first. None is kept while the next is simulated."""
+    for trial in done:
+        simulated(trial)
+        yield trial
+        del trial
 
 
 class UnknownParameter(UnknownName):

@@ -180,6 +180,11 @@ class Trial:
         return self.setup.about
 
     def error(self, task: str) -> Vec:
-        """Length (N,) of the error of the first task whose name begins so, in the task's unit."""
-        name = next(name for name in self.run.columns if name.startswith(f"error.{task}"))
+        """Length (N,) of the error of the first task whose name begins so, in the task's unit.
+
+        Raises:
+            UnknownColumn: no task's name begins so.
+        """
+        column = f"error.{task}"
+        name = next((name for name in self.run.columns if name.startswith(column)), column)
         return np.asarray(np.linalg.norm(self.run[name], axis=1))
