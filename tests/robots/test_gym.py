@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import wbc
-from wbc.errors import InvalidInput
+import wbc.robots
+from wbc.errors import InvalidInput, NotSupported
 from wbc.sim.plant import IntegratorPlant
 from wbc.tasks import CenterOfMass, JointVelocityLimits, Position, Posture, feet
 
@@ -154,3 +156,10 @@ def test_an_action_that_is_no_number_is_refused():
     env.reset(seed=0)
     with pytest.raises(InvalidInput, match="action"):
         env.step(np.array([np.nan, 0.0, 0.0], dtype=np.float32))
+
+
+def test_without_gymnasium_the_extra_is_named(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setitem(sys.modules, "gymnasium", None)
+    monkeypatch.delitem(sys.modules, "wbc.robots.gym")
+    with pytest.raises(NotSupported, match=r"TargetEnv needs gymnasium; .*pip install '\.\[gym\]'"):
+        _ = wbc.robots.TargetEnv

@@ -10,16 +10,20 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any, final
 
-import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
 from wbc import checks
 from wbc.control.controller import Controller
-from wbc.errors import InvalidInput, SimulationError
+from wbc.errors import InvalidInput, NotSupported, SimulationError
 from wbc.sim.plant import Plant, whole
 from wbc.sim.simulate import check_fit
 from wbc.types import Vec
+
+try:
+    import gymnasium
+except ModuleNotFoundError as cause:
+    raise NotSupported("TargetEnv needs gymnasium; from a clone of wbc: pip install '.[gym]'") from cause
 
 Numbers = NDArray[np.float32]
 
