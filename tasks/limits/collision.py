@@ -10,7 +10,7 @@ import pinocchio
 
 from wbc import checks
 from wbc.errors import InvalidInput
-from wbc.models.collision import Distances, Obstacle
+from wbc.models.collision import Distances, Obstacle, obstacles_in
 from wbc.models.geometry import Sphere
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.constraint import Barrier, BarrierRows
@@ -39,7 +39,8 @@ class CollisionAvoidance(Barrier):
         rate: γ [1/s]; slack: see :class:`~wbc.stack.constraint.Barrier`.
 
     Raises:
-        InvalidInput: a reach within the margin, a negative margin, no pair. NotSupported: the robot has no shapes.
+        InvalidInput: a reach within the margin, a negative margin, no pair, no obstacle.
+        NotSupported: the robot has no shapes.
         UnknownName: a pair of a link or obstacle that is none; when a stack is compiled.
 
     Source: Ames et al., ECC 2019 (barriers); Faverjon, Tournassoud, ICRA 1987 (the same as a velocity damper); turning
@@ -69,7 +70,7 @@ class CollisionAvoidance(Barrier):
         super().__init__(rate=rate, slack=slack, name=name)
         self.reach = checks.number(f"{self.name}.reach", reach, low=0.0, strict=True)
         self.margin = margin
-        self.obstacles = tuple(checks.items(f"{self.name}.obstacles", obstacles, "obstacles"))
+        self.obstacles = tuple(obstacles_in(f"{self.name}.obstacles", obstacles))
         self.pairs, self.self_collision = pairs, checks.truth(f"{self.name}.self_collision", self_collision)
         self.count = None if count is None else int(checks.number(f"{self.name}.count", count, low=1))
         self._distances: Distances | None = None

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.control.recorder import Run
+from wbc.models.collision import Obstacle
 from wbc.report import measure
 from wbc.report.document import Bound, Curve, Plot
 from wbc.sim.scenario import Check, Place, ScenarioResult, Trial
@@ -16,6 +17,7 @@ from wbc.stack.contact import Contact
 from wbc.types import Vec
 
 from ..components.contact_schedule import ContactSchedule
+from ..limits.collision import CollisionAvoidance
 
 #: What a limit may be exceeded by before it counts as broken, in its own unit.
 TOLERANCE = 1e-6
@@ -125,14 +127,23 @@ def verdict(shown: Trial | Sequence[Trial], checks: Sequence[Check], **fields: A
     """What a scenario hands back: it is good where all ``checks`` hold.
 
     The first trial that is ``shown`` is recorded, and the others beside it. ``fields`` are those of
-    :class:`~wbc.sim.scenario.ScenarioResult`; tracking and violations are measured where they are not given.
+    :class:`~wbc.sim.scenario.ScenarioResult`; tracking and violations are measured where they are not given, and the
+    obstacles are those of the stacks' :class:`~wbc.tasks.CollisionAvoidance`.
     """
     first, *others = [shown] if isinstance(shown, Trial) else shown
     made: dict[str, Any] = {
         "violations": measure.violations(first.run), "tracking": measure.tracking(first.run), "robot": first.robot,
         "called": first.name if others else "", "beside": {trial.name: trial.run for trial in others},
+        "obstacles": avoided([first, *others]),
     }  # fmt: skip
     return ScenarioResult(run=first.run, ok=all(check.ok for check in checks), verdict=checks, **made | fields)
+
+
+def avoided(trials: Iterable[Trial]) -> list[Obstacle]:
+    """The obstacles that the stacks of ``trials`` keep away from, each name once."""
+    limits = [limit for trial in trials for limit in trial.setup.stack.subject_to]
+    found = [one for limit in limits if isinstance(limit, CollisionAvoidance) for one in limit.obstacles]
+    return list({obstacle.name: obstacle for obstacle in found}.values())
 
 
 def beside(

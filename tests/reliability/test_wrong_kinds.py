@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import wbc
-from tasks import Point, Posture
+from tasks import CollisionAvoidance, Point, Posture
 from wbc import testing
 from wbc.errors import InvalidInput
 from wbc.export import movie, to_mcap, to_rerun
@@ -43,6 +43,8 @@ NOWHERE = Path("/nowhere/at/all")  # who wrote there would have missed the wrong
 CALLS: dict[str, Any] = {
     "save_report run": lambda x: save_report(x, NOWHERE),
     "save_report robot": lambda x: save_report(RUN, NOWHERE, robot=x),
+    "save_report obstacles": lambda x: save_report(RUN, NOWHERE, obstacles=x),
+    "save_report obstacles[0]": lambda x: save_report(RUN, NOWHERE, obstacles=[x]),
     "save_report no path here": lambda x: save_report(RUN, x),
     "save_comparison runs": lambda x: save_comparison(x, NOWHERE),
     "save_comparison runs['b']": lambda x: save_comparison({"a": RUN, "b": x}, NOWHERE),
@@ -79,6 +81,9 @@ CALLS: dict[str, Any] = {
     "Witness robot": lambda x: Witness(x, {}),
     "Witness contacts": lambda x: Witness(ARM, x),
     "Distances model": Distances,
+    "Distances obstacles": lambda x: Distances(ARM, obstacles=x),
+    "Distances obstacles[0]": lambda x: Distances(ARM, obstacles=[x]),
+    "CollisionAvoidance CollisionAvoidance.obstacles[0]": lambda x: CollisionAvoidance([x]),
     "InertialRegressor model": InertialRegressor,
     "check_task task": testing.check_task,
     "check_task model": lambda x: testing.check_task(Posture(ARM.q0), x),

@@ -135,6 +135,16 @@ def test_obstacles_are_drawn_again_where_they_were(standing: ScenarioResult, tmp
             assert np.array_equal(old.at(float(t)).homogeneous, new.at(float(t)).homogeneous)
 
 
+def test_a_loop_of_ones_own_has_obstacles_too(tmp_path: Path):
+    arm, post = wbc.load("arm"), Obstacle("post", Cylinder(0.1, 1.0), pin.SE3.Identity())
+    alone = save_report(reaching_run(), tmp_path / "r", robot=arm).read_bytes()
+    assert not kept_obstacles(tmp_path / "r")
+    before = save_report(reaching_run(), tmp_path / "r", robot=arm, obstacles=[post]).read_bytes()
+    assert before != alone and [one.name for one in kept_obstacles(tmp_path / "r")] == ["post"]
+    again, _ = report_again(tmp_path / "r")
+    assert again.read_bytes() == before
+
+
 def test_obstacles_that_somebody_broke_are_refused(tmp_path: Path):
     keep_obstacles([Obstacle("ball", Sphere(0.2), pin.SE3.Identity())], np.zeros(1), tmp_path)
     path = tmp_path / OBSTACLES_FILE

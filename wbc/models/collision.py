@@ -106,6 +106,16 @@ class Obstacle:
         return replace(self, pose=lambda _: first) if self.moves else self
 
 
+def obstacles_in(name: str, value: Any) -> list[Obstacle]:
+    """``value``, an argument called ``name``, as a list of obstacles.
+
+    Raises:
+        InvalidInput: it is none.
+    """
+    found = checks.items(name, value, "obstacles")
+    return [checks.instance(f"{name}[{i}]", one, Obstacle, "an Obstacle") for i, one in enumerate(found)]
+
+
 @final
 class Distances:
     """Pairs of shapes of two links (or a link and an obstacle) within ``reach`` [m], for one model.
@@ -183,7 +193,7 @@ class Distances:
         self.model, self.reach = model, checks.number("reach", reach, low=0.0, strict=True)
         self.ahead, self.margin = checks.number("ahead", ahead, low=0.0), margin
         self.close = -np.inf if close is None else close
-        self._obstacles = tuple(obstacles)
+        self._obstacles = tuple(obstacles_in("obstacles", obstacles))
         self._geometry = pin.GeometryModel()
         self._owners: list[str] = []
         self._add_shapes(model.collisions)

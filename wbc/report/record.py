@@ -25,6 +25,7 @@ from wbc.sim.provenance import machine, versions
 from wbc.sim.scenario import Check, Place, Progress, ScenarioResult, failed_first, silent
 
 if TYPE_CHECKING:
+    from wbc.models.collision import Obstacle
     from wbc.models.model import RobotModel
     from wbc.report.document import Report
 
@@ -39,14 +40,16 @@ MOTION = "motion.png"
 RESULTS = (JUDGED, BESIDE, CALLED, "failure", "active_rows", "statuses", "ended", "fallen", "silent")
 
 
-def save_report(run: Run, folder: str | os.PathLike[str], *, robot: RobotModel | None = None) -> Path:
+def save_report(
+    run: Run, folder: str | os.PathLike[str], *, robot: RobotModel | None = None, obstacles: Sequence[Obstacle] = ()
+) -> Path:
     """Save ``run`` into ``folder``, with a report of it, and return the path of ``report.html``.
 
-    A report that stands there is replaced. With ``robot`` the motion is drawn.
+    A report that stands there is replaced. With ``robot`` the motion is drawn, and with it ``obstacles``.
 
     Raises:
         InvalidInput: a run that a :class:`~wbc.Recorder`'s ``tick`` or :func:`~wbc.sim.simulate.simulate` did not make,
-            of another robot, or without ticks; something else than a report stands in the folder.
+            of another robot, or without ticks; no obstacle; something else than a report stands in the folder.
         NotSupported: a package that reports need is not installed.
 
     Example:
@@ -65,11 +68,15 @@ def save_report(run: Run, folder: str | os.PathLike[str], *, robot: RobotModel |
         ...     save_report(recorder.run(), Path(folder) / "mine").name
         'report.html'
     """
+    from wbc.models.collision import obstacles_in
+
     checked(run, robot)
+    around = obstacles_in("obstacles", obstacles)
     run = Run(run.columns, {"versions": versions(), "machine": machine(), **run.meta})
     target = located(folder)
     with replaced(target, ARRAYS_FILE) as pending:
-        report = run_report(judged(run, robot))
+        report = run_report(replace(judged(run, robot), obstacles=around))
+        keep_obstacles(around, run["t"], pending)
         run.save(pending)
         write(report, pending)
     return target / HTML
