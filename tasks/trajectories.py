@@ -40,16 +40,16 @@ class Sinusoid:
     __slots__ = ("_amplitude", "_center", "_omega", "_phase", "_ramp")
 
     def __init__(self, center: Any, *, amplitude: Any, frequency: Any, phase: Any = 0.0, ramp: float = 1.0) -> None:
-        self._center = checks.array("center", center, (None,))
-        size = (self._center.size,)
+        self._center = checks.array("Sinusoid.center", center, (None,))
+        size = self._center.size
 
         def spread(name: str, value: Any) -> Vec:
-            return checks.each(name, value, *size)
+            return checks.each(f"Sinusoid.{name}", value, size)
 
         self._amplitude = spread("amplitude", amplitude)
         self._omega = 2.0 * np.pi * spread("frequency", frequency)
         self._phase = spread("phase", phase)
-        self._ramp = checks.number("ramp", ramp, low=0.0)
+        self._ramp = checks.number("Sinusoid.ramp", ramp, low=0.0)
 
     def __call__(self, t: float) -> tuple[Vec, Vec, Vec]:
         """Value, rate and acceleration at time t [s]."""

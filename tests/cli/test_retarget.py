@@ -59,5 +59,8 @@ def test_the_command_writes_page_and_motion_and_says_the_share(wbc, tmp_path):
     for words in (("nothing.bvh",), ("nothing.npz",), ("nothing.csv",), ("squat", "--mapping", "nothing.toml")):
         answer = wbc("retarget", *words)
         assert answer.code == 2 and answer.err == f"wbc: {words[-1]} cannot be read: there is no such file\n"
+    answer = wbc("retarget", "jump")
+    assert answer.code == 2 and "there is no motion 'jump'; there are: dance, reach, squat, turn, walk" in answer.err
+    assert ".bvh, .npz or .csv file" in answer.err
     answer = wbc("retarget", "squat", "--robot", "arm")
     assert answer.code == 2 and "there is no mapping for 'arm'" in answer.err

@@ -172,6 +172,9 @@ def test_a_configuration_is_made_from_joint_names(tmp_path: Path):
         robot.configuration({"left_nee": 0.3})
     with pytest.raises(InvalidInput, match=r"joints\['left_knee'\] is nan"):
         robot.configuration({"left_knee": float("nan")})
+    for given in ("home", [1.0, 2.0], None):
+        with pytest.raises(InvalidInput, match=r"^joints is .*; it must be positions by name; .* robot.configurations"):
+            robot.configuration(given)
 
 
 def test_what_pinocchio_is_given_is_what_the_file_says(tmp_path: Path):

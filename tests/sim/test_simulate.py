@@ -179,6 +179,8 @@ def test_what_does_not_fit_together_is_refused_before_the_first_tick():
         simulate(controller, plant, duration=1e-4)
     with pytest.raises(NotSupported, match="nothing can push 'tool'"):
         simulate(controller, plant, duration=1.0, disturbances=[Push("tool", (1, 0, 0), 0, 1)])
+    with pytest.raises(InvalidInput, match=r"disturbances is Push\(.*; write disturbances=\[Push\(…\)\]"):
+        simulate(controller, plant, duration=1.0, disturbances=Push("tool", (1, 0, 0), 0, 1))  # type: ignore[arg-type]
 
 
 def test_linear_algebra_has_one_thread_while_it_runs_and_its_threads_back_after():

@@ -45,7 +45,10 @@ def test_a_mixture_of_lists_and_tasks_is_refused():
         (lambda: wbc.Stack([], subject_to=[Damping()]), r"belongs in tasks; task\.exactly\(\) makes a constraint"),
         (lambda: wbc.Stack(Damping()), r"tasks must be a list, not Damping"),  # type: ignore[arg-type]
         (lambda: wbc.Stack([], contacts=3), r"contacts must be a list, not 3"),  # type: ignore[arg-type]
-        (lambda: wbc.Stack([], contacts=["left_sole"]), r"contacts\[0\] is 'left_sole'"),
+        (lambda: wbc.Stack([], contacts=["left_sole"]), r"contacts\[0\] is 'left_sole'; it must be a contact, such as"),
+        (lambda: wbc.Stack(["posture"]), r"tasks\[0\] is 'posture'; it must be a task, such as"),  # type: ignore[list-item]
+        (lambda: wbc.Stack([], subject_to=[3]), r"subject_to\[0\] is 3; it must be a constraint, such as"),
+        (lambda: wbc.Stack([], components=[3]), r"components\[0\] is 3; it must be a component"),  # type: ignore[list-item]
         (lambda: wbc.Stack([], components=[Damping()]), r"components\[0\] is Damping"),
     ],
 )

@@ -83,6 +83,12 @@ def test_variations_without_meaning_are_refused(text: str):
         read_variations(find(FLIP), [text])
 
 
+@pytest.mark.parametrize("values", ["0.1-0.4", "0.1:0.2:0.3", "0.1,b", "0.1..0.4"])
+def test_a_variation_of_another_form_is_told_the_forms(values: str):
+    with pytest.raises(InvalidInput, match=r"must be a number, not .*; --vary takes bias=LOW:HIGH or bias=a,b,c"):
+        read_variations(find(FLIP), [f"bias={values}"])
+
+
 @pytest.mark.parametrize(
     "settings",
     [

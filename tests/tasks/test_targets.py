@@ -37,6 +37,11 @@ def pose(rotation: Any = IDENTITY, last_row: Any = (0, 0, 0, 1)) -> np.ndarray:
             lambda: Frame(TOOL, target=[0] * 7),
             r"\(7,\); of a .* pinocchio.SE3\(pinocchio.Quaternion\(w, x, y, z\), pos",
         ),
+        (
+            lambda: Frame(TOOL, target=([0.4, 0.0, 0.5], np.eye(3))),
+            r"must be a pinocchio.SE3\(rotation, position\) or a",
+        ),
+        (lambda: Frame(TOOL, target="home"), r"or a \(4, 4\) matrix, not 'home'"),
         (lambda: Orientation(TOOL, target=[1, 0, 0, 0]), r"\(4,\); of a .* pinocchio.Quaternion\(w, x, y, z\).matrix"),
         (lambda: Frame(TOOL, target=pose(2 * np.eye(3))), "not a rotation: R Rᵀ differs from the identity by 3"),
         (lambda: Frame(TOOL, target=pose(MIRROR)), "its determinant is -1"),

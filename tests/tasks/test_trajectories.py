@@ -147,6 +147,7 @@ def test_a_ramp_of_zero_starts_in_full_motion() -> None:
     [
         (lambda: Sinusoid([0.0, 0.0], amplitude=[np.nan, 1.0], frequency=1.0), "amplitude"),
         (lambda: Sinusoid([0.0], amplitude=1.0, frequency=1.0, ramp=-1.0), "ramp"),
+        (lambda: Sinusoid([0.0] * 3, amplitude=[0.1] * 2, frequency=1.0), r"^Sinusoid.amplitude must have shape"),
         (lambda: MinimumJerk([0.0], [1.0, 2.0], duration=1.0), r"end must have shape \(1,\)"),
         (lambda: MinimumJerk([0.0], [1.0], duration=0.0), "duration is 0"),
         (lambda: MinimumJerk([0.0], [1.0], duration=1.0, end_rate=[np.inf]), r"end_rate\[0\] is inf"),

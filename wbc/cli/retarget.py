@@ -26,14 +26,13 @@ def retarget(
     """Retarget a motion to a robot and judge every frame. Exit code 0: all are certified, 1: some are not."""
     from wbc.models import load
     from wbc.motion import Motion, made, retarget
-    from wbc.motion.made import MOTIONS
     from wbc.motion.witness import UNITS
     from wbc.report.build import require_extras
 
     require_extras()
 
     with working("retargeting") as step:
-        clip = made(motion) if motion in MOTIONS else Motion.read(motion)
+        clip = Motion.read(motion) if Path(motion).suffix else made(motion)
         model = load(robot, base="floating")
         folder = place(out, f"retarget-{clip.name}")
         done = retarget(clip, model, mapping, repair=repair, progress=step)

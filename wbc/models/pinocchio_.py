@@ -132,9 +132,10 @@ class PinocchioModel(RobotModel):
 
         Raises:
             UnknownJoint: with the names that are near.
-            InvalidInput: a position that is not finite.
+            InvalidInput: a position that is not finite, or no positions by name.
         """
-        q = self.posed(joints)
+        what = "positions by name; configurations that have names are in robot.configurations"
+        q = self.posed(checks.instance("joints", joints, Mapping, what))
         plausible.joints(self, "joints", q[self.nq - self.nj :])
         return q
 

@@ -32,14 +32,20 @@ _GRAVITY = 9.81
 _Parts = dict[str, Mat]
 
 
+class UnknownMotion(UnknownName):
+    """No motion of this name is made by a program."""
+
+    kind = "motion"
+
+
 def made(name: str, *, seed: int = 0) -> Motion:
     """A motion by its name: "squat", "reach", "turn", "dance" or "walk"; another seed, another size and pace.
 
     Raises:
-        UnknownName: no such motion.
+        UnknownMotion: no such motion.
     """
     if not isinstance(name, str) or name not in MOTIONS:
-        raise UnknownName(name, MOTIONS, "motions made by a program")
+        raise UnknownMotion(name, MOTIONS, "or give a .bvh, .npz or .csv file to Motion.read or wbc retarget")
     seed = checks.seed("seed", seed)
     rng = np.random.default_rng(seed)
     tall, pace = rng.uniform(0.9, 1.1), rng.uniform(0.85, 1.1)

@@ -27,7 +27,7 @@ from wbc.models.model import RobotModel
 from wbc.robots.device import BadFrame, Device, Order, Reading, rotation
 from wbc.robots.joint_map import JointMap
 from wbc.robots.sensors import SENSORS, Errors, Sensors, felt
-from wbc.sim.disturbance import Disturbance
+from wbc.sim.disturbance import Disturbance, listed
 from wbc.sim.plant import Delivered, Plant
 from wbc.stack.tracking import rotation_target
 from wbc.types import Mat, Vec
@@ -127,10 +127,7 @@ class MotorBoard:
         self._stiffness, self._damping = holding_gains(robot)
         self._at_rest = robot.state()
         self._own = plant.q[-robot.nj :].copy()
-        self._effects = [
-            checks.instance("an entry of disturbances", one, Disturbance, "a Disturbance").begin(plant)
-            for one in checks.items("disturbances", disturbances, "each a Disturbance")
-        ]
+        self._effects = [one.begin(plant) for one in listed(disturbances)]
         self._attitude: Mat = np.eye(3)
         #: Torques (nj,) on the joints from outside, as of a hand that moves them.
         self.hand: Vec = np.zeros(robot.nj)

@@ -11,13 +11,14 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import final
 
 import numpy as np
 
 from wbc import checks
+from wbc.errors import InvalidInput
 from wbc.sim.plant import Drive, Plant
 from wbc.types import Vec
 
@@ -52,6 +53,20 @@ class Disturbance(ABC):
     @abstractmethod
     def __str__(self) -> str:
         """One readable line with units."""
+
+
+def listed(disturbances: Iterable[Disturbance]) -> list[Disturbance]:
+    """The argument ``disturbances`` as a list.
+
+    Raises:
+        InvalidInput: one alone, or something else.
+    """
+    if isinstance(disturbances, Disturbance):
+        kind = type(disturbances).__name__
+        raise InvalidInput(f"disturbances is {disturbances!r}; write disturbances=[{kind}(…)]")
+    found = checks.items("disturbances", disturbances, "disturbances")
+    what = "a Disturbance, such as wbc.sim.disturbance.Push"
+    return [checks.instance(f"disturbances[{i}]", one, Disturbance, what) for i, one in enumerate(found)]
 
 
 @final

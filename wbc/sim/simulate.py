@@ -17,7 +17,7 @@ from wbc.control.setpoint import Setpoint
 from wbc.control.ticks import Ticks, about, outcome
 from wbc.errors import InvalidInput, SimulationError
 from wbc.models.model import RobotModel
-from wbc.sim.disturbance import Delay, Disturbance, Effect, SensorNoise
+from wbc.sim.disturbance import Delay, Disturbance, Effect, SensorNoise, listed
 from wbc.sim.joining import guests
 from wbc.sim.plant import Plant
 from wbc.sim.provenance import machine, versions
@@ -86,9 +86,7 @@ def simulate(
             checks.function(name, called, "a function of a number")
     meta = {} if meta is None else checks.instance("meta", meta, Mapping, "a mapping of names")
     recorder = checks.truth("recorder", recorder)
-    disturbances = checks.items("disturbances", disturbances, "disturbances")
-    for i, one in enumerate(disturbances):
-        checks.instance(f"disturbances[{i}]", one, Disturbance, "a Disturbance, such as wbc.sim.disturbance.Push")
+    disturbances = listed(disturbances)
     ticks = _ticks(controller, plant, duration)
     feedback = driver.feedback if isinstance(driver, Setpoint) else "measured"
     if feedback == "commanded" and plant.takes == "torque":

@@ -134,11 +134,19 @@ _PLACES = (
     (Component, "components"),
 )
 
+#: What is a member of each place.
+_MEMBERS = {
+    "tasks": "a task, such as Posture(robot.q0)",
+    "subject_to": "a constraint, such as JointLimits()",
+    "contacts": "a contact, such as each of feet(robot)",
+    "components": "a component, such as ContactSchedule(…)",
+}
+
 
 def _only(where: str, members: Iterable[Any], kinds: Any) -> None:
     for i, member in enumerate(members):
         if not isinstance(member, kinds):
             if isinstance(member, type):
                 raise InvalidInput(f"{where}[{i}] is the class {member.__name__}; write {member.__name__}(…)")
-            place = next((place for kind, place in _PLACES if isinstance(member, kind)), "no stack")
-            raise InvalidInput(f"{where}[{i}] is {member!r}; it belongs in {place}")
+            place = next((f"belongs in {place}" for kind, place in _PLACES if isinstance(member, kind)), "")
+            raise InvalidInput(f"{where}[{i}] is {member!r}; it {place or f'must be {_MEMBERS[where]}'}")

@@ -84,6 +84,9 @@ def pose_target(name: str, value: Any, strict: bool) -> tuple[Mat, Vec]:
     try:
         matrix = shaped((4, 4), name, value, strict)
     except InvalidInput as refusal:
+        if checks.ndim(value) <= 0:  # no numbers, such as a pair of a position and a rotation
+            said = f"{name} must be a pinocchio.SE3(rotation, position) or a (4, 4) matrix, not {checks.shown(value)}"
+            raise InvalidInput(said) from None
         raise _of_quaternion(refusal, value, 7, f"pinocchio.SE3({_QUATERNION}, position)") from None
     if strict:
         if matrix[3].tolist() != [0.0, 0.0, 0.0, 1.0]:

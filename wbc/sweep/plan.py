@@ -169,7 +169,10 @@ def read_variations(scenario: Scenario, texts: Iterable[str]) -> dict[str, Drawn
             raise UnknownParameter(key, scenario.parameters)
         number = re.fullmatch(r"([^:,]+):([^:,]+)", values)
         if number is None:
-            found[key] = Choice(tuple(scenario.parse([f"{key}={value}"])[key] for value in values.split(",")))
+            try:
+                found[key] = Choice(tuple(scenario.parse([f"{key}={value}"])[key] for value in values.split(",")))
+            except InvalidInput as refusal:
+                raise InvalidInput(f"{refusal}; --vary takes {key}=LOW:HIGH or {key}=a,b,c") from None
             continue
         whole = isinstance(scenario.parameters[key], int) and not isinstance(scenario.parameters[key], bool)
         low, high = (checks.typed(f"--vary {key}", bound) for bound in number.groups())
