@@ -78,6 +78,7 @@ def worst_of_a_walk(robot: RobotModel, level: Any, ticks: int, seed: int = 0) ->
     ids=str,
 )
 @pytest.mark.parametrize("level", [VelocityLevel(), AccelerationLevel(), InverseDynamics()], ids=lambda x: x.name)
+@pytest.mark.filterwarnings("ignore::wbc.models.plausible.NothingHoldsTheBase")
 def test_inside_stays_inside_whatever_the_tasks_ask_for(robot: RobotModel, ticks: int, level: Any):
     worst = worst_of_a_walk(robot, level, ticks)
     assert worst["unsolved"] == 0

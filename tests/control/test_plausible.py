@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import warnings
+from typing import Any
 
 import numpy as np
 import pytest
 
 import wbc
-from tasks import JointVelocityLimits, Position, Posture, TorqueLimits
-from wbc.models.plausible import ImplausibleUnit
+from tasks import JointCoupling, JointVelocityLimits, MeasuredWrench, Position, Posture, TorqueLimits, feet
+from wbc.models.plausible import ImplausibleUnit, NothingHoldsTheBase
 
 ARM = wbc.load("arm")
 LEVEL = wbc.VelocityLevel()
@@ -93,3 +94,29 @@ def test_torques_limited_to_what_counts_as_met_are_doubted(most: float, *, doubt
     found = [str(one.message) for one in said if issubclass(one.category, ImplausibleUnit)]
     assert bool(found) == doubted
     assert all("a limit counts as met within 1e-06 N m: is this another unit?" in sentence for sentence in found)
+
+
+def falls(robot: wbc.RobotModel, level: wbc.Formulation = wbc.InverseDynamics(), **members: Any) -> bool:  # noqa: B008
+    """Whether a controller that is made says that nothing holds the base."""
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        wbc.Controller(robot, wbc.Stack([Posture(robot.q0)], **members), level=level)
+    found = [str(one.message) for one in said if one.category is NothingHoldsTheBase]
+    assert len(found) <= 1
+    assert all(f"{robot.name} has a floating base and the stack has no contacts" in sentence for sentence in found)
+    return bool(found)
+
+
+@pytest.mark.parametrize("name", ["humanoid", "quadruped"])
+def test_a_floating_base_that_nothing_holds_is_doubted(name: str, monkeypatch: pytest.MonkeyPatch):
+    robot = wbc.load(name)
+    assert falls(robot) and falls(robot, subject_to=[TorqueLimits(), JointVelocityLimits()])
+    for k in range(1, len(feet(robot)) + 1):
+        assert not falls(robot, contacts=feet(robot)[:k])
+    first, second, *_ = robot.joint_names
+    assert not falls(robot, contacts=[JointCoupling(first, to={second: 1.0}).with_reaction()])
+    assert not falls(robot, components=[MeasuredWrench(feet(robot)[0].frame)]), "a component may know of forces"
+    assert not falls(robot, LEVEL) and not falls(robot, wbc.AccelerationLevel())
+    assert not falls(wbc.load(name, base="fixed")) and not falls(ARM)
+    monkeypatch.setattr(robot, "gravity", np.zeros(3))
+    assert not falls(robot)

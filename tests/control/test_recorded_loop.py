@@ -169,6 +169,7 @@ class Says(wbc.Component):
     ],
     ids=["task", "barrier", "contact", "signal"],
 )
+@pytest.mark.filterwarnings("ignore::wbc.models.plausible.NothingHoldsTheBase")
 def test_a_stack_whose_member_has_the_name_but_not_the_size_is_recorded_without_it(members: Any, swapped: bool):
     """A loop goes on: of the other member there is nothing in the columns of the first."""
     robot = wbc.load("humanoid")

@@ -10,8 +10,11 @@ from tests.families import legs, members, odd_robots, robots, twins
 from tests.families.oracle import judge
 from tests.seeds import SEED
 
-#: What is drawn may be far out of reach.
-pytestmark = pytest.mark.filterwarnings("ignore::wbc.models.plausible.ImplausibleUnit")
+#: What is drawn may be far out of reach, or have no contacts.
+pytestmark = [
+    pytest.mark.filterwarnings(f"ignore::wbc.models.plausible.{doubt}")
+    for doubt in ("ImplausibleUnit", "NothingHoldsTheBase")
+]
 
 
 def test_no_answer_on_legs_that_is_called_solved_is_wrong() -> None:

@@ -13,7 +13,7 @@ import pinocchio as pin
 import pytest
 
 import wbc
-from tasks import Posture
+from tasks import Posture, feet
 from tests.models.mjcf_oracle import compare
 from tests.scenarios.test_standing import needs_examples
 from wbc.errors import InvalidInput, ModelError, PathRefused
@@ -132,7 +132,8 @@ def test_it_is_simulated_and_controlled_as_any_other(name: str):
     assert {foot: f.kind for foot, f in robot.feet.items()} == {foot: f.kind for foot, f in known.feet.items()}
     plant = MujocoPlant(robot, dt=2e-3)
     assert max(plant.agreement.values()) < 1e-9
-    controller = wbc.Controller(robot, wbc.Stack([Posture(robot.q0)]), level=wbc.InverseDynamics(), dt=2e-3)
+    stack = wbc.Stack([Posture(robot.q0)], contacts=feet(robot) if robot.feet else [])
+    controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), dt=2e-3)
     assert controller.tick(0.0, robot.q0, np.zeros(robot.nv)).status.ok
 
 

@@ -44,6 +44,7 @@ def answer(controller: wbc.Controller, q: Any, v: Any, t: float = 0.0) -> Any:
     weight=st.floats(0.01, 100.0), kd=st.floats(1.0, 50.0), which=st.sampled_from(["weight", "kd", "active"]),
     seed=st.integers(0, 9),
 )  # fmt: skip
+@pytest.mark.filterwarnings("ignore::wbc.models.plausible.NothingHoldsTheBase")
 def test_one_task_on_two_robots_is_as_two_tasks(level: Any, weight: float, kd: float, which: str, seed: int) -> None:
     """And what is assigned to it between ticks holds on both."""
     shared = Damping(kd=10.0, name="shared")

@@ -152,6 +152,7 @@ def test_while_a_contact_is_open_the_force_rate_holds_whatever_the_ramp(seed: in
 
 
 @pytest.mark.parametrize("stood", [FEET[:2], ()], ids=["on other feet", "in the air"])
+@pytest.mark.filterwarnings("ignore::wbc.models.plausible.NothingHoldsTheBase")
 def test_a_contact_that_the_former_stack_had_not_begins_without_force(stood: tuple[str, ...]) -> None:
     stack, rest = standing(QUADRUPED), np.zeros(QUADRUPED.nv)
     contacts = [contact for contact in stack.contacts if contact.frame in stood]

@@ -89,6 +89,7 @@ def free_energy(robot: RobotModel, state: Any, tau: Vec, tau_0: Vec) -> float:
     return float(0.5 * off @ state.M @ off)
 
 
+@pytest.mark.filterwarnings("ignore::wbc.models.plausible.NothingHoldsTheBase")
 def test_on_a_floating_base_it_is_gauss_principle_too():
     robot = wbc.load("quadruped", base="floating")
     rng = np.random.default_rng(1)

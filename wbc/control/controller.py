@@ -125,6 +125,8 @@ class Controller(Solving):
         super().__init__(robot, stack, level, hierarchy=hierarchy, solver=solver, dt=dt)
         if level.dynamics:
             plausible.torques(robot, *self.plans.whole.plan.torque_bounds)
+            if not stack.components:  # they may know of other forces
+                plausible.held(robot, self.plans.whole.plan.layout.nf)
         self.measured = Measured(robot)
         self.components = stack.components
         self.reset()

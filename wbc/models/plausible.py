@@ -33,6 +33,10 @@ class ImplausibleInertia(UserWarning):
     """Mass and principal moments of inertia that no rigid body has."""
 
 
+class NothingHoldsTheBase(UserWarning):
+    """A floating base in gravity that no force acts on."""
+
+
 def doubt(sentence: str) -> None:
     """Warn."""
     warnings.warn(sentence, ImplausibleUnit, stacklevel=2)
@@ -84,6 +88,16 @@ def torques(model: RobotModel, lower: Vec, upper: Vec) -> None:
             f"the torque of joint {model.joint_names[i]!r} is limited to [{lower[i]:g}, {upper[i]:g}] {unit}, "
             f"and a limit counts as met within {MET:g} {unit}: is this another unit?"
         )
+
+
+def held(model: RobotModel, forces: int) -> None:
+    """A floating base in gravity without any of ``forces`` falls, whatever the joints do: contacts look forgotten."""
+    if model.nb and not forces and model.gravity.any():
+        said = (
+            f"{model.name} has a floating base and the stack has no contacts: no force holds the base, so it falls. "
+            "Give the stack contacts, such as feet(robot), or load the robot with base='fixed'"
+        )
+        warnings.warn(said, NothingHoldsTheBase, stacklevel=3)
 
 
 class Described(Protocol):
