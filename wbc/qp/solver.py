@@ -23,7 +23,7 @@ from wbc.types import Status
 __all__ = ["Answer", "Counts", "Session", "Solution", "Solver"]
 
 #: Steps of the core that are taken at most from an answer.
-_STEPS = 6
+_STEPS = 10
 #: An answer this near to an optimum, beside its size, is refined to it.
 _NEAR = 1e-2
 

@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.optimize import linprog
 
 from tests.families import qps
 from tests.qp.zoo import random_qp
+from tests.seeds import generator
 from wbc.qp import QP, Session, Shape, Solver, solve
 from wbc.qp.rows.dense import DenseSteps
 from wbc.qp.solver import Answer
-from wbc.types import Status
+from wbc.types import Status, Vec
 
 
 def steps(qp: QP) -> DenseSteps:
@@ -32,10 +34,11 @@ def test_where_the_cost_is_curved_one_step_from_anywhere_is_the_optimum(seed: in
     np.testing.assert_allclose(made.step(qp, first.x).x, first.x, atol=1e-12)
 
 
-def test_a_flat_cost_takes_no_more_steps_than_its_length_needs():
-    """The first step goes 1e5 times as far as the slope is steep, the next one 1e6 times."""
+@pytest.mark.parametrize("slope", [1.0, 1e-12, 1e12])
+def test_a_flat_cost_takes_no_more_steps_than_its_length_needs(slope: float):
+    """The first step goes 1e5 units far, the next one 1e6, however steep the slope is."""
     for far, needed in ((1e4, 1), (3e5, 2), (3e6, 3)):
-        qp = QP([[0.0]], [1.0], lb=[-far])
+        qp = QP([[0.0]], [slope], lb=[-far])
         made, x = steps(qp), np.zeros(1)
         taken = 0
         while x[0] > -far:
@@ -44,6 +47,48 @@ def test_a_flat_cost_takes_no_more_steps_than_its_length_needs():
         assert taken == needed
         assert made.step(qp, x).certificate(qp).ok
         assert solve(qp).x[0] == -far
+
+
+def held_by_rows(rng: np.random.Generator, steep: float, rank: int | None = None) -> tuple[QP, Vec]:
+    """A QP and its one optimum, held along what H leaves flat by as many rows, with multipliers of size ``steep``."""
+    n = int(rng.integers(2, 7))
+    rank = int(rng.integers(1, n)) if rank is None else rank
+    axes, C, x = np.linalg.qr(rng.standard_normal((n, n)))[0], rng.standard_normal((2 * n, n)), rng.standard_normal(n)
+    J, holds = axes[:rank] * rng.uniform(0.5, 2.0, (rank, 1)), n - rank
+    C[:holds] = axes[rank:] + rng.uniform(-0.5, 0.5, (holds, rank)) @ J
+    H, cu = J.T @ J, C @ x + np.append(np.zeros(holds), rng.exponential(1.0, n + rank))
+    return QP(H, -H @ x - steep * (rng.uniform(0.5, 2.0, holds) @ C[:holds]), C=C, cu=cu, lb=x - 9.0), x
+
+
+@pytest.mark.parametrize("unit", [10.0**k for k in range(-12, 13, 3)])
+@pytest.mark.parametrize("steep", [1e-10, 1e-5, 1.0, 1e2])
+def test_the_unit_of_a_cost_with_a_flat_part_moves_no_answer(unit: float, steep: float):
+    rng = generator("unit of a flat cost", unit, steep)
+    for _ in range(10):
+        qp, x = held_by_rows(rng, steep)
+        answer = solve(QP(unit * qp.H, unit * qp.g, C=qp.C, cu=qp.cu, lb=qp.lb))
+        assert answer.status is Status.SOLVED
+        np.testing.assert_allclose(answer.x, x, atol=1e-5)
+
+
+@pytest.mark.parametrize("unit", [10.0**k for k in range(-12, 13, 3)])
+def test_the_unit_of_the_cost_of_a_linear_program_moves_no_answer(unit: float):
+    rng = generator("unit of a linear program", unit)
+    for _ in range(10):
+        qp, x = held_by_rows(rng, 1.0, rank=0)
+        known = linprog(qp.g, A_ub=qp.C, b_ub=qp.cu, bounds=list(zip(qp.lb, qp.ub, strict=True)), method="highs")
+        answer = solve(QP(qp.H, unit * qp.g, C=qp.C, cu=qp.cu, lb=qp.lb))
+        assert answer.status is Status.SOLVED
+        np.testing.assert_allclose(answer.x, known.x, atol=1e-6)
+        np.testing.assert_allclose(answer.x, x, atol=1e-6)
+
+
+@pytest.mark.parametrize("unit", [10.0**k for k in range(-12, 13, 3)])
+def test_a_bound_far_beyond_the_first_step_is_reached(unit: float):
+    for far in (1e9, 1e11, 1e12):
+        answer = solve(QP(np.zeros((2, 2)), [unit, -unit], lb=[-far, -1.0], ub=[far, 3.0]))
+        assert answer.status is Status.SOLVED
+        assert answer.x.tolist() == [-far, 3.0]
 
 
 @given(seed=st.integers(0, 10_000), n=st.integers(2, 8), rank=st.integers(0, 7))

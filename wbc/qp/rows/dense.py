@@ -8,7 +8,11 @@ where R are all rows, bounds included. A Cholesky factorisation with pivots spli
 ones, H = L [L₁ᵀ L₂ᵀ], and T makes the cost diagonal:
 
     T = [ L₁⁻ᵀ  −L₁⁻ᵀ L₂ᵀ ]        D = 1 on the curved ones,
-        [  0        1     ]        D = μ on the flat ones: a proximal term, whose centre is where the step begins.
+        [  0        1     ]        D = μ κ on the flat ones: a proximal term, whose centre is where the step begins.
+
+κ is the curvature that ends the steepest slope along a flat variable after one unit of x. It is at most the curvature
+that the variable has alone, 1, or the largest of any variable where it has none. All these are proportional to the
+cost, so that the steps do not depend on its unit.
 
 Where nothing is flat, one step is the optimum, and another refines it. Elsewhere steps are the proximal point method,
 which ends after finitely many; each is ten times as long as the one before, as far as the rows let it.
@@ -21,6 +25,7 @@ from __future__ import annotations
 from typing import final
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg.blas import dtrsm
 from scipy.linalg.lapack import dpstrf
 
@@ -29,9 +34,9 @@ from wbc.qp.certificate import FLAT, rounded_once
 from wbc.qp.problem import QP, Row, Shape
 from wbc.qp.rows.core import CoreSolver
 from wbc.qp.rows.problem import RowProblem
-from wbc.types import Vec
+from wbc.types import Mat, Vec
 
-#: The first proximal term, beside the curvature of the other variables, and what the next one is of it.
+#: The first μ, and what the next one is of it.
 _PROXIMAL, _LONGER = 1e-5, 0.1
 #: A variable with less of the largest curvature has none: its unit would be out of all proportion.
 _NO_CURVATURE = 1e-22
@@ -74,6 +79,9 @@ class DenseSteps:
             columns[rank:] -= factor[rank:, :rank].dot(columns[:rank])
         rows = columns.T
         self._T = rows[n_in : n_in + n]
+        if rank < n:
+            bent = diagonal[pivots[rank:] - 1] > _NO_CURVATURE * diagonal.max()
+            rows[:, rank:] /= np.sqrt(_curvature(self._T[:, rank:], qp.g, bent, diagonal.max()))
         self._size = np.abs(qp.g.dot(self._T)).max() or np.float64(1.0)  # of z; its square may overflow
         rows *= self._size
         length = np.sqrt(np.einsum("ij,ij->i", rows, rows))
@@ -124,3 +132,14 @@ class DenseSteps:
     def has_flat(self) -> bool:
         """Whether the cost is flat along some variable."""
         return self._curved < len(self._identity)
+
+
+def _curvature(flat: Mat, g: Vec, bent: NDArray[np.bool_], largest: float) -> Vec:
+    """κ of the flat variables (k,), from their columns of T (n, k); ``bent`` (k,) says which have an entry in H."""
+    slope, terms = np.abs(g.dot(flat)), np.abs(g).dot(np.abs(flat))
+    slope[slope <= len(g) * FLAT * terms] = 0.0  # rounding
+    length = np.abs(flat).max(axis=0)
+    steepest = (slope / length).max() or (np.inf if largest else 1.0)
+    alone = np.where(bent, 1.0, (largest or np.inf) * length**2)
+    found: Vec = np.minimum(steepest * length**2, alone)
+    return found
