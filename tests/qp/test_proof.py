@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.seeds import generator
 from wbc.qp import QP, solve
 from wbc.qp.proof import contradiction, descent
 from wbc.types import Mat, Status, Vec
@@ -86,3 +88,41 @@ def test_a_slope_that_rounding_of_the_curvature_may_hide_is_no_endless_descent()
         size = np.abs(qp.H).max()
         unproven += descent(QP(qp.H - 1e-8 * np.eye(qp.n), 1e-3 * size * left), 1e-6) is None
     assert unproven <= 3  # with a slope of that size along it, the cost falls for ever
+
+
+def endless(rng: np.random.Generator, spread: int, *, ends: bool) -> QP:
+    """A linear program that falls along a direction with entries 1 and -1, in units of 2 to the ±``spread`` at most.
+
+    All rows are orthogonal to the direction, and all bounds are left behind on it; a last row ends it, or does not.
+    Nearly all of the slope is pushed back by the rows. All sums of this problem are exact.
+    """
+    n = int(rng.integers(2, 7))
+    d = rng.choice([-1.0, 1.0], n)
+    rows = rng.integers(-4, 5, (n, n)).astype(np.float64)
+    rows[:, -1] = -d[-1] * (rows[:, :-1] @ d[:-1])
+    rows[-1] = d
+    g = n * rng.integers(-4, 5, n - 1) @ rows[:-1] - d
+    column, row = 2.0 ** rng.integers(-spread, spread + 1, n), 2.0 ** rng.integers(-spread, spread + 1, n)
+    point = rng.integers(-3, 4, n)
+    low, high = (rows @ point - rng.integers(0, 2, n)) * row, rows @ point * row
+    low[-1], high[-1] = -np.inf, high[-1] if ends else np.inf
+    lb, ub = np.where(d > 0.0, point, -np.inf) / column, np.where(d < 0.0, point, np.inf) / column
+    return QP(np.zeros((n, n)), g * column, C=rows * row[:, None] * column, cl=low, cu=high, lb=lb, ub=ub)
+
+
+@pytest.mark.parametrize("spread", [0, 4, 8])
+def test_a_linear_program_falls_for_ever_where_nothing_ends_its_direction(spread: int):
+    rng = generator("endless", spread)
+    for _ in range(60):
+        assert solve(endless(rng, spread, ends=False)).status is Status.UNBOUNDED
+        assert descent(endless(rng, spread, ends=True), 1e-6) is None
+
+
+@pytest.mark.parametrize("k", [2.0**power for power in range(1, 15)])
+def test_a_direction_is_found_that_is_nearly_at_right_angles_to_the_slope(k: float):
+    """Along x₁ = 2 k² x₂ the cost −k x₂ falls, and x₁ is the longer one."""
+    qp = QP(np.zeros((2, 2)), [0.0, -k], A=[[1.0 / k, -2.0 * k]], b=[0.0], lb=[-1.0, -np.inf])
+    found = descent(qp, 1e-6)
+    assert found is not None
+    np.testing.assert_allclose(found, [1.0, 0.5 / k**2], rtol=1e-9)
+    assert solve(qp).status is Status.UNBOUNDED

@@ -1,8 +1,10 @@
 """Proofs that a QP has no answer: multipliers that contradict its rows, or a direction of endless descent.
 
-A verdict needs the proof and its check. The core proposes both: multipliers where its finite method finds no point of
-all rows, in units that balance the columns, and as direction the point nearest to −g of the cone of directions that
-rows leave open. The check is plain arithmetic on the problem's data:
+A verdict needs the proof and its check. The core proposes both, in units that balance the columns and in the problem's
+own: multipliers where its finite method finds no point of all rows, and as direction the point nearest to −g of the
+cone of directions that rows leave open. That point can be short beside −g, and meets the rows only to the rounding of
+−g; the point of the cone that is nearest to it meets them to its own. The check is plain arithmetic on the problem's
+data:
 
 * **infeasible** (Farkas 1902): multipliers s of all rows and bounds R, positive for an upper side and negative for a
   lower one. Every point of the problem has s·R x ≤ β = Σ s·(the side pushed on). With Rᵀs = 0 the left side is 0,
@@ -21,7 +23,7 @@ from wbc.qp.answer import Answer
 from wbc.qp.certificate import FLAT
 from wbc.qp.problem import QP, Shape, moderate
 from wbc.qp.relax import relaxed
-from wbc.tolerances import CANCELS, NEAR, NOISE, SAME, SHARP
+from wbc.tolerances import CANCELS, NEAR, NOISE, ROUNDING, SAME, SHARP
 from wbc.types import Mat, Status, Vec
 
 #: How far away a point may be for a proof to hold for it too, beside the size of the bounds: rounding is felt beyond.
@@ -128,33 +130,47 @@ def descent(qp: QP, tolerance: float) -> Vec | None:
         >>> descent(wbc.QP([[0.0]], [2.0], ub=[5.0]), 1e-6)
         array([-1.])
     """
+    for units in (_column_units(qp), np.ones(qp.n)):
+        direction = _steepest(qp, units)
+        if direction.any() and moderate(direction):
+            direction /= np.abs(direction).max()
+            if falls(qp, direction):
+                return direction if _has_point(qp, tolerance) else None
+    return None
+
+
+def _steepest(qp: QP, units: Vec) -> Vec:
+    """The direction (n,) of those that rows leave open that is nearest to −g in these units (n,); zero without one."""
     diagonal = qp.H.diagonal()
-    unit = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    unit = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, units**-2.0))
     values, axes = np.linalg.eigh(qp.H * np.multiply.outer(unit, unit))
     flat: Mat = axes[:, values <= qp.n * FLAT] * unit[:, None]
-    size = float(np.linalg.norm(qp.g @ flat))
-    if not size > 0.0:
-        return None
-    # The part of −g in the cone of directions: what is nearest to it there.
     rows = np.concatenate([qp.matrix, np.eye(qp.n)])
     along = rows @ flat
     reach = np.linalg.norm(along, axis=1)
     matter = reach > CANCELS * np.linalg.norm(rows, axis=1)
     cone = QP.empty(Shape(flat.shape[1], 0, int(matter.sum())))
-    cone.H[:], cone.g[:] = np.eye(flat.shape[1]), (qp.g @ flat) / size
+    cone.H[:] = np.eye(flat.shape[1])
     cone.matrix[:] = along[matter] / reach[matter, None]
     cone.sides[:, : len(cone.matrix)] = np.where(np.isfinite(qp.sides[:, matter]), 0.0, [[-np.inf], [np.inf]])
-    direction = flat @ _projected(cone).x
+    towards = -(qp.g @ flat)
+    for zero in (0.0, ROUNDING):
+        size = float(np.linalg.norm(towards))
+        if not size > zero:
+            return np.zeros(qp.n)
+        cone.g[:] = -towards / size
+        towards = _projected(cone).x
+    direction: Vec = flat @ towards
     part = np.abs(direction / unit)
     direction[part <= CANCELS * part.max()] = 0.0
-    if not direction.any() or not moderate(direction):
-        return None
-    direction /= np.abs(direction).max()
-    if not falls(qp, direction):
-        return None
-    met = _nearest(qp, _column_units(qp)).x
-    over, under = rows @ met - qp.sides[1], qp.sides[0] - rows @ met
-    return direction if np.maximum(over, under).max() <= tolerance else None
+    return direction
+
+
+def _has_point(qp: QP, tolerance: float) -> bool:
+    """Whether the point that is nearest to zero meets all rows to within ``tolerance``."""
+    x = _nearest(qp, _column_units(qp)).x
+    values = np.concatenate([qp.matrix @ x, x])
+    return bool(np.maximum(values - qp.sides[1], qp.sides[0] - values).max() <= tolerance)
 
 
 def falls(qp: QP, d: Vec) -> bool:
@@ -172,11 +188,11 @@ def falls(qp: QP, d: Vec) -> bool:
 def _column_units(qp: QP) -> Vec:
     """Units of the variables (n,) in which the largest entry of each column, of rows with largest entry 1, is about 1.
 
-    Columns of very different sizes make rows that are independent look parallel. Which problems have a point does not
-    depend on the units; the check uses the problem's own.
+    Columns of very different sizes make rows that are independent look parallel. Which problems have a point, and which
+    directions rows leave open, does not depend on the units; the check uses the problem's own. Bounds do not count: a
+    row with one entry is the same in all units.
     """
-    bounded = np.isfinite(qp.lb) | np.isfinite(qp.ub)
-    entries = np.abs(np.concatenate([qp.matrix, np.eye(qp.n)[bounded]]))
+    entries = np.abs(qp.matrix)
     units = np.ones(qp.n)
     for _ in range(_BALANCING):
         scaled = entries * units
