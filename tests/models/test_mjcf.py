@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -132,40 +130,6 @@ def test_limits_come_from_joints_and_actuators(both):
     torques = {name: limits.tau_max[i] for name, i in joint.items()}
     assert torques == {"hip_yaw": 30.0, "hip_pitch": 21.0, "slider": np.inf, "knee": 0.0}
     assert (robot.armature == 0.02).all()
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_a_torque_limit_is_what_actuators_give_in_both_directions(tmp_path, seed):
-    """MuJoCo is asked for all they can give; a joint that they drive harder in one direction is warned about."""
-    rng = np.random.default_rng(seed)
-
-    def drawn(name: str) -> str:
-        low, high = sorted(rng.choice([-5.0, -2.0, -1.0, 0.0, 0.5, 3.0, 5.0], 2, replace=False))
-        return f'{name}="{low} {high}"'
-
-    motors = []
-    for _ in range(int(rng.integers(1, 3))):
-        gear = rng.choice([-3.0, -1.0, 0.5, 2.0])
-        force = drawn("forcerange") if rng.random() < 0.5 else ""
-        motors.append(f'<motor joint="x" gear="{gear}" {drawn("ctrlrange")} {force}/>')
-    limit = drawn("actuatorfrcrange") if rng.random() < 0.4 else ""
-    path = tmp_path / "driven.xml"
-    path.write_text(
-        f'<mujoco><compiler angle="radian"/><worldbody><body name="a"><joint name="x" axis="0 1 0" {limit}/>'
-        f'<geom type="sphere" size=".1" mass="1"/></body></worldbody><actuator>{"".join(motors)}</actuator></mujoco>'
-    )
-    model = mujoco.MjModel.from_xml_path(str(path))
-    data, given = mujoco.MjData(model), []
-    for controls in product((-1e6, 1e6), repeat=model.nu):
-        data.ctrl[:] = controls
-        mujoco.mj_forward(model, data)
-        given.append(float(data.qfrc_actuator[0]))
-    low, high = min(given), max(given)
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
-        robot = wbc.load(path)
-    assert robot.limits.tau_max[0] == pytest.approx(max(min(-low, high), 0.0))
-    assert any(f"is driven with {low:g} to {high:g}" in str(one.message) for one in told) == (low != -high)
 
 
 def test_a_free_joint_is_a_floating_base_that_starts_where_the_file_says(both):
