@@ -121,7 +121,7 @@ class Contacts(Growing):
     name: ClassVar[str] = "contacts"
     summary: ClassVar[str] = f"point contacts of a body on {LEGS} legs"
     parameters: ClassVar[Mapping[str, Parameter]] = {"size": 4}
-    sizes = (0, 1, 2, 3, 4, 6, 8)
+    sizes = (1, 2, 3, 4, 6, 8)
 
     def problem(self, size: int) -> tuple[RobotModel, Stack]:
         robot = many_legs(LEGS)
