@@ -234,7 +234,9 @@ def test_statistics_of_faults_demand_each_of_their_figures(flaw: str) -> None:
     about = SimpleNamespace(
         found=lambda run: faults, sound=lambda run: [window], waving=SimpleNamespace(threshold=np.ones(robot.nj))
     )
-    setup: Any = SimpleNamespace(robot=None, plant=SimpleNamespace(model=robot), about=about)
+    setup: Any = SimpleNamespace(
+        robot=None, plant=SimpleNamespace(model=robot), about=about, stack=wbc.Stack([Damping()])
+    )
     p = Parameters(scenario.parse(["robot=arm"]), Settings("mujoco", "weighted", 1.0))
     plant = ForwardDynamicsPlant(robot)
     plant.reset(robot.q0)

@@ -103,7 +103,7 @@ def test_a_share_of_wrong_diagnoses_fails_the_demand_that_speaks_of_it(flaw: str
         before = said("total", OTHER)  # before anything happened
         told = [(Diagnosis(**vars(before) | {"t": 0.4}), ()), *((event, ()) for event in events)]
         about = (drawn(truth, missing=missing), SimpleNamespace(events=told))
-        setup: Any = SimpleNamespace(robot=None, plant=plant, about=about)
+        setup: Any = SimpleNamespace(robot=None, plant=plant, about=about, stack=wbc.Stack([Damping()]))
         trials.append(Trial("", setup, none, run))
     scenario = DiagnosisStatistics()
     p = Parameters(scenario.parse(["robot=arm"]), Settings("mujoco", "weighted", 1.0))

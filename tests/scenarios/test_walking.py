@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import wbc
+from tasks import Damping
 from tasks.scenarios import SCENARIOS
 from tasks.scenarios.humanoid_stand import STANCES
 from tasks.scenarios.judge import stance_slid
@@ -109,7 +110,9 @@ def test_a_real_quadruped_trots_in_place_for_ten_seconds() -> None:
 def test_a_foot_that_is_not_where_it_was_to_be_is_no_step(step: ScenarioResult) -> None:
     robot = STANCES["humanoid"].robot("humanoid")
     gait = Gait(length=0.1, lift=0.04, shift=1.2, swing=0.8, inset=0.01)  # two centimetres longer than it was
-    setup: Any = SimpleNamespace(plant=SimpleNamespace(model=robot), about=walk(robot.state(), robot.feet, gait, 1))
+    setup: Any = SimpleNamespace(
+        plant=SimpleNamespace(model=robot), about=walk(robot.state(), robot.feet, gait, 1), stack=wbc.Stack([Damping()])
+    )
     scenario, none = SCENARIOS["humanoid-step"], cast("Any", None)
     p = Parameters(scenario.parse(["robot=humanoid"]), Settings("mujoco", "weighted", 3.0))
     judged = scenario.judge(iter([Trial("", setup, none, step.run)]), p)

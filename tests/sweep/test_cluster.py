@@ -92,7 +92,7 @@ def scheduler(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes
         )
     ]  # fmt: skip
     try:
-        _until(place.exists)
+        _until(lambda: place.exists() and place.read_text().endswith("\n}"))  # it is written in parts
         address = json.loads(place.read_text())["address"]
         started += [
             subprocess.Popen(
