@@ -223,7 +223,7 @@ def rounded_once(rows: Mat, factors: Vec, *terms: Vec) -> Vec:
 
 
 def _halves(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Two numbers of 26 binary digits each, whose sum each value is."""
+    """The upper and the lower half of the binary digits of each value; their sum is the value."""
     wide = (2.0**27 + 1.0) * values
     upper = wide - (wide - values)
     return upper, values - upper

@@ -291,7 +291,7 @@ class Stopping:
             share = 0.25 * share if share > _LEAST_SHARE else 0.0
 
     def _find_late(self, state: RobotState) -> bool:
-        """Whether B stops some joint only beyond its limit; by how much is added to its room ahead in this tick."""
+        """Whether B stops some joint only beyond its limit. How far beyond counts as room ahead in this tick."""
         B, room, _ = self._needed(state.q, state.v)
         late = np.maximum(state.v**2 / (2.0 * np.maximum(B, SAME)) - room, 0.0)
         self._late = np.sign(state.v) * np.where(late > SAME, late, 0.0)
