@@ -1,10 +1,11 @@
 """Run the tests of the numerical core as other processors would: `make kernels`, or `python -m tests.kernels`.
 
 OpenBLAS has its own products for each family of processors, and numba compiles for the one it finds. Both differ in the
-last bits. The folders below run under each family of OpenBLAS that this processor can run, except under the one that it
-picks by itself, which `make test` runs, and once with numba aimed at any x86-64 processor: under the oldest of these
-families, as on a processor that has no more. Arguments are passed on to pytest: `-n 2 --dist loadfile` runs two
-processes at a time.
+last bits. Each family of OpenBLAS that this processor can run has a run, except the one that it picks by itself, which
+`make test` runs. The last run is under the oldest of these families, with numba aimed at any x86-64 processor, as on a
+processor that has no more; its kernels raise where an index is beyond an array, since raw addresses have
+no bounds. It tries all folders below; the others try those of the solvers and methods. Arguments are passed on to
+pytest: `-n 2 --dist loadfile` runs two processes at a time.
 
 The exit status is 1 if a run fails, and 0 else.
 """
@@ -22,16 +23,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
+NUMERICS = ("tests/methods", "tests/qp")
 FOLDERS = (
-    "tests/methods",
-    "tests/qp",
+    *NUMERICS,
+    "tests/families",
     "tests/stack",
     "tests/control",
     "tests/models/test_near_pairs.py",
     "tests/models/test_features.py",
 )
-#: Compiles every kernel anew, for minutes; `make test` runs it, and no other processor changes what it looks for.
-ONCE = "tests/qp/rows/test_core.py::test_kernels_run_as_python_and_stay_within_their_memory"
 
 #: Families of OpenBLAS and what /proc/cpuinfo lists for a processor that can run them.
 FLAGS: Mapping[str, frozenset[str]] = {
@@ -43,8 +43,8 @@ FLAGS: Mapping[str, frozenset[str]] = {
 SAME: Mapping[str, str] = {
     "Zen": "Haswell", "Katmai": "Prescott", "Core2": "Prescott", "Cooperlake": "SkylakeX", "Sapphirerapids": "SkylakeX",
 }  # fmt: skip
-#: numba for any x86-64 processor: no name and no features beyond those that all have.
-GENERIC: Mapping[str, str] = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
+#: numba for any x86-64 processor: no name and no features beyond those that all have; and with bounds of arrays.
+GENERIC: Mapping[str, str] = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": "", "NUMBA_BOUNDSCHECK": "1"}
 
 ASK = "import numpy, scipy.linalg, threadpoolctl as t; print(*{i.get('architecture') for i in t.threadpool_info()})"
 
@@ -78,17 +78,19 @@ def picked(environment: Mapping[str, str] | None = None) -> set[str]:
 
 @dataclass(frozen=True)
 class Run:
-    """One run of the folders: its name, and the environment variables that make it."""
+    """One run of folders: its name, the environment variables that make it, and the folders."""
 
     name: str
     environment: Mapping[str, str] = field(default_factory=dict)
+    folders: tuple[str, ...] = NUMERICS
 
 
 def runs(can: Iterable[str], native: set[str]) -> list[Run]:
     """What is left to run where `make test` has run ``native``."""
     others = [Run(f"OpenBLAS {name}", {"OPENBLAS_CORETYPE": name}) for name in can if native != {name}]
     oldest, rest = (others[0], others[1:]) if others else (Run("OpenBLAS as it is"), [])
-    return [*rest, Run(f"{oldest.name}, numba for any processor", {**oldest.environment, **GENERIC})]
+    last = Run(f"{oldest.name}, numba for any processor, bounds of arrays", {**oldest.environment, **GENERIC}, FOLDERS)
+    return [*rest, last]
 
 
 def passed(run: Run, options: Sequence[str]) -> bool:
@@ -100,7 +102,7 @@ def passed(run: Run, options: Sequence[str]) -> bool:
             environment["NUMBA_CACHE_DIR"] = cache  # kept machine code is for the processor found
             subprocess.run([sys.executable, "-m", "wbc.compile_all"], cwd=ROOT, env=environment, check=True)
         done = subprocess.run(
-            [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--deselect", ONCE, *options, *FOLDERS],
+            [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *options, *run.folders],
             cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
         )  # fmt: skip
     verdict = "passed" if done.returncode == 0 else "FAILED"

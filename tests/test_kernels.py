@@ -28,6 +28,7 @@ def test_what_runs_anyway_is_not_run_twice_and_numba_runs_once_for_any_processor
     families = [run.environment["OPENBLAS_CORETYPE"] for run in runs]
     assert sorted([*families, native]) == ["Haswell", "Prescott", "SkylakeX"]
     assert [run for run in runs if "NUMBA_CPU_NAME" in run.environment] == runs[-1:]
+    assert [run for run in runs if run.folders == kernels.FOLDERS] == runs[-1:]
 
 
 def test_numba_runs_for_any_processor_also_where_nothing_is_known_of_openblas():
@@ -45,6 +46,6 @@ def test_the_verdict_is_that_of_the_worst_run(monkeypatch: pytest.MonkeyPatch, f
 
 
 def test_options_are_passed_on_to_pytest(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(kernels, "FOLDERS", ("tests/test_kernels.py",))
-    assert kernels.passed(kernels.Run("one"), ["-k", "flags_of"])
-    assert not kernels.passed(kernels.Run("one"), ["-k", "no test has this name"])
+    run = kernels.Run("one", folders=("tests/test_kernels.py",))
+    assert kernels.passed(run, ["-k", "flags_of"])
+    assert not kernels.passed(run, ["-k", "no test has this name"])

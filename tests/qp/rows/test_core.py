@@ -131,19 +131,17 @@ def test_weights_that_are_raised_after_the_form_was_chosen_are_certified(weight:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("variable", ["NUMBA_DISABLE_JIT", "NUMBA_BOUNDSCHECK"])
-def test_kernels_run_as_python_and_stay_within_their_memory(variable: str, tmp_path: Path) -> None:
-    """Under these settings an index beyond an array raises; and Python gives the answers of the machine code."""
+def test_kernels_run_as_python_with_the_same_answers_and_stay_within_their_memory() -> None:
+    """There an index beyond an array raises; `make kernels` tries more, with machine code that looks too."""
     code = """
 from tests.families.hierarchies import FAMILIES, cases
 from tests.qp.rows.test_core import judge
-for seed in range(%d):
+for seed in range(12):
     judge(seed)
-assert not [case for case in cases(%d * len(FAMILIES), 1, ["pdas"]) if case.wrong]
+assert not [case for case in cases(2 * len(FAMILIES), 1, ["pdas"]) if case.wrong]
 """
     done = subprocess.run(
-        [sys.executable, "-c", code % ((12, 2) if variable == "NUMBA_DISABLE_JIT" else (300, 50))], cwd=ROOT,
-        check=False, env={**os.environ, variable: "1", "NUMBA_CACHE_DIR": str(tmp_path)}, capture_output=True,
-        text=True,
+        [sys.executable, "-c", code], cwd=ROOT, check=False, env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
+        capture_output=True, text=True,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
