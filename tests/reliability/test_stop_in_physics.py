@@ -14,7 +14,7 @@ pytestmark = pytest.mark.physics
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["quadruped", "humanoid"])
+@pytest.mark.parametrize("name", [pytest.param("quadruped", marks=pytest.mark.deep), "humanoid"])
 def test_a_robot_that_sways_stops_and_stands_when_all_solvers_fail(name: str):
     stance = (quadruped_stand if name == "quadruped" else humanoid_stand).STANCES[name]
     robot = stance.robot(name)

@@ -81,7 +81,7 @@ def test_nothing_is_found_where_nothing_is_wrong(kind: str, seed: int):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "period"), [("franka", 1e-3), ("go2", 2e-3)])
-@pytest.mark.parametrize("delay", [0.0, 2e-3, 5e-3])
+@pytest.mark.parametrize("delay", [*(pytest.param(delay, marks=pytest.mark.deep) for delay in (0.0, 2e-3)), 5e-3])
 def test_how_late_orders_act_is_known_to_a_period(kind: str, period: float, delay: float):
     found = checked(kind, 3, Seeded("", kind, "", "", board={"delay": delay}))
     assert found.ok, found

@@ -243,7 +243,7 @@ def g1() -> Stand:
     ("ahead", "react"),
     [
         pytest.param(1.1, True, id="before"),
-        pytest.param(0.1, True, id="at"),
+        pytest.param(0.1, True, id="at", marks=pytest.mark.deep),
         pytest.param(1.1, False, id="release alone", marks=pytest.mark.deep),
     ],
 )

@@ -10,6 +10,7 @@ from wbc.errors import UnknownRobot
 pytestmark = pytest.mark.physics
 
 
+@pytest.mark.deep
 def test_an_arm_follows_as_well_as_what_it_is_sent() -> None:
     result = run("position-drives", "robot=arm", duration=1.2)
     assert not failed(result)

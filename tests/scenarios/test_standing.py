@@ -55,7 +55,7 @@ def test_our_own_robots_stand_through_the_first_push(name: str, robot: str) -> N
     "name, settings",
     [
         ("humanoid-stand", ["robot=talos"]),
-        ("humanoid-stand", ["robot=talos", "push=120"]),
+        pytest.param("humanoid-stand", ["robot=talos", "push=120"], marks=pytest.mark.deep),
         ("humanoid-stand", ["robot=g1"]),
         ("quadruped-stand", ["robot=go2"]),
     ],

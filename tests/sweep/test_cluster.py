@@ -45,17 +45,18 @@ def check_complete(folder: Path, runs: int = RUNS) -> None:
 
 
 @pytest.mark.slow
-def test_a_worker_of_our_own_that_is_killed_midway_loses_nothing(tmp_path: Path):
+@pytest.mark.parametrize("runs", [FEWER, pytest.param(RUNS, marks=pytest.mark.deep)])
+def test_a_worker_of_our_own_that_is_killed_midway_loses_nothing(tmp_path: Path, runs: int):
     deadly = tmp_path / "deadly"
 
     def progress(done: float, text: str = "") -> None:
         if 0.4 < done < 0.41:
             deadly.touch()
 
-    report = sweep(plan(deadly=str(deadly)), out=tmp_path / "out", workers=2, progress=progress)
+    report = sweep(plan(runs, deadly=str(deadly)), out=tmp_path / "out", workers=2, progress=progress)
     assert not deadly.exists(), "a worker found it and died of it"
-    check_complete(tmp_path / "out")
-    assert f" of {RUNS} runs " in report.summary
+    check_complete(tmp_path / "out", runs)
+    assert f" of {runs} runs " in report.summary
 
 
 def test_a_result_that_is_lost_with_its_worker_is_found_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
