@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,12 +13,14 @@ from hypothesis import strategies as st
 import wbc
 from tasks import FrozenJoints, JointCoupling, Position, Sinusoid
 from tasks.scenarios.humanoid_stand import STANCES
+from tasks.scenarios.quadruped_stand import STANCES as QUADRUPED_STANCES
 from tasks.scenarios.standing import standing_stack
 from wbc.errors import InvalidInput, NotSupported, SimulationError, UnknownFrame
 from wbc.models import load
 from wbc.sim.engine import PhysicsSettings
 from wbc.sim.mujoco_ import MujocoPlant
 from wbc.sim.plant import ForwardDynamicsPlant
+from wbc.sim.simulate import MissingContact, simulate
 
 mujoco = pytest.importorskip("mujoco", reason="the extra `sim`")
 pytestmark = pytest.mark.physics
@@ -337,3 +340,18 @@ def test_a_brake_holds_its_joint_against_gravity_until_the_next_reset(command):
     for _ in range(200):
         plant.step(command(ARM))
     assert abs(plant.q[1] - ARM.q0[1]) > 0.05
+
+
+def test_a_plant_that_lacks_contacts_of_the_stack_is_warned_about():
+    stack = standing_stack(QUADRUPED, QUADRUPED_STANCES["quadruped"])
+    controller = wbc.Controller(QUADRUPED, stack, level=wbc.InverseDynamics())
+    front, rear = stack.contacts[:2], stack.contacts[2:]
+    for there, missing in (((), stack.contacts), (front, rear), (stack.contacts, ())):
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            simulate(controller, MujocoPlant(QUADRUPED, contacts=there), duration=2e-3)
+        told = [str(one.message) for one in said if one.category is MissingContact]
+        assert len(told) == bool(missing)
+        for contact in stack.contacts:
+            assert (contact.name in "".join(told)) == (contact in missing)
+        assert all(one.filename == __file__ for one in said)

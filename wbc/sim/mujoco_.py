@@ -127,6 +127,11 @@ class MujocoPlant(Plant):
         height = self._q[2] - self.floor
         return bool(_up(self._q) @ self._upright < np.cos(FALL_TILT) or height < (1.0 - FALL_DROP) * self._height)
 
+    def missing(self, contacts: Iterable[Contact]) -> list[str]:
+        """Names of the ``contacts`` for which this plant was given neither a foot nor a weld."""
+        touching = {foot.link for foot in self.feet} | {weld.link for weld in self.joined}
+        return [contact.name for contact in contacts if contact.frame not in touching]
+
     def on_floor(self, q: Vec) -> Vec:
         """``q`` (nq,) with the base moved up or down until the lowest foot touches the floor.
 

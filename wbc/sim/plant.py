@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol, final
 
@@ -13,6 +13,7 @@ from scipy.linalg import cho_factor, cho_solve
 from wbc import checks
 from wbc.errors import InvalidInput, NotSupported, SimulationError
 from wbc.models.model import RobotModel
+from wbc.stack.contact import Contact
 from wbc.types import Vec
 
 
@@ -89,6 +90,11 @@ class Plant(ABC):
     def fallen(self) -> bool:
         """True if a floating-base robot has fallen or is falling; always False for a fixed base."""
         return False
+
+    def missing(self, contacts: Iterable[Contact]) -> list[str]:
+        """Names of the ``contacts`` that nothing of this plant can touch; none where a plant makes no forces itself."""
+        del contacts
+        return []
 
     def reset(self, q: Vec, v: Vec | None = None, *, t: float = 0.0) -> None:
         """Start again at configuration q (nq,), velocity v (nv,) (default: at rest), time t [s].

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable, Mapping
 from time import perf_counter_ns
 from typing import Any, final
@@ -32,6 +33,10 @@ class Interrupted(KeyboardInterrupt):
         super().__init__(str(run.meta["ended"]))
 
 
+class MissingContact(UserWarning):
+    """A plant without a contact of the stack: nothing there pushes on the robot."""
+
+
 def simulate(
     controller: Controller | Setpoint,
     plant: Plant,
@@ -53,6 +58,8 @@ def simulate(
     knows, of which it may replace the robot's name alone.
 
     Of the first tick without an answer, ``run.meta["failure"]`` says when and why and ``run.failed`` is the QP.
+
+    A plant that has not all contacts of the stack is warned about (:class:`MissingContact`).
 
     Observers that joined (:mod:`wbc.sim.joining`) see the run and may add disturbances.
 
@@ -210,7 +217,8 @@ def _ticks(controller: Controller, plant: Plant, duration: float) -> int:
 
 
 def check_fit(controller: Controller, plant: Plant) -> None:
-    """Whether what a controller decides can move a plant.
+    """Whether what a controller decides can move a plant; :class:`MissingContact` warns where the stack's contacts are
+    not there.
 
     Raises:
         InvalidInput: different periods or joints, or a plant that takes what the level does not decide.
@@ -225,6 +233,12 @@ def check_fit(controller: Controller, plant: Plant) -> None:
             f"{type(plant).__name__} takes {plant.takes}s, which the {level.name} does not decide; "
             f"use IntegratorPlant(robot, level='{'velocity' if level.order == 1 else 'acceleration'}')"
         )
+    if missing := plant.missing(controller.plans.whole.plan.stack.contacts):
+        warnings.warn(
+            f"the stack has the contacts {', '.join(missing)} and this {type(plant).__name__} has not: nothing there "
+            "pushes on the robot. Write MujocoPlant(robot, contacts=stack.contacts)",
+            MissingContact, stacklevel=4,
+        )  # fmt: skip
 
 
 def _about(plant: Plant, disturbances: list[Disturbance], duration: float) -> dict[str, Any]:
