@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio
 
 from wbc import checks
+from wbc.arguments import TellsArguments
 from wbc.errors import InvalidInput
 from wbc.stack.kernel_rows import MINIMUM_JERK, POSE, SAMPLES, SINUSOID, KnownMotion
 from wbc.stack.tracking import pose_target
@@ -20,7 +21,7 @@ Trajectory = Callable[[float], tuple[Any, Vec, Vec]]
 
 
 @final
-class Sinusoid:
+class Sinusoid(metaclass=TellsArguments):
     """c + r(t) A sin(2π f t + φ) per axis, with exact derivatives; r grows from 0 to 1 in ``ramp`` seconds, a quintic.
 
     center, amplitude [unit of the target], frequency [Hz] and phase [rad] are (dim,) or scalars. The ramp starts the
@@ -70,7 +71,7 @@ class Sinusoid:
 
 
 @final
-class MinimumJerk:
+class MinimumJerk(metaclass=TellsArguments):
     """From ``start`` to ``end``, (dim,) each, in ``duration`` seconds from ``start_time`` on, with the least ∫ |x⃛|² dt.
 
     A quintic in s = (t − start_time) / duration, accelerations zero at both ends. ``start_rate`` and ``end_rate`` are
@@ -133,7 +134,7 @@ class MinimumJerk:
 
 
 @final
-class PoseInterpolation:
+class PoseInterpolation(metaclass=TellsArguments):
     """From one pose to another on a straight line and the shortest turn, both 10 s³ − 15 s⁴ + 6 s⁵ of the way.
 
     p = p₀ + r (p₁ − p₀),  R = exp(r w) R₀ with w = log(R₁ R₀ᵀ) and s = (t − start_time) / duration in [0, 1]. Rates and
@@ -188,7 +189,7 @@ class PoseInterpolation:
 
 
 @final
-class Samples:
+class Samples(metaclass=TellsArguments):
     """A motion that was recorded or computed before, a sample each ``period`` [s]: x(t) = x_k, k the integer nearest to
     t / period.
 
@@ -247,7 +248,7 @@ class Samples:
 
 
 @final
-class Piecewise:
+class Piecewise(metaclass=TellsArguments):
     """One motion after another: at time t the last of ``pieces``, (start [s], trajectory) each, that has started.
 
     Before the first start, the first. Whether the pieces fit together is theirs to know.

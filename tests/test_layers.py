@@ -16,7 +16,7 @@ import pytest
 ROOT = Path(__file__).parent.parent
 SOURCES = sorted(p.relative_to(ROOT) for package in ("wbc", "tasks") for p in (ROOT / package).rglob("*.py"))
 
-BASE = {"errors", "types", "checks", "compiled", "tolerances", "files", "npz", "plugins", "friction"}
+BASE = {"errors", "types", "arguments", "checks", "compiled", "tolerances", "files", "npz", "plugins", "friction"}
 OPTIMISATION_AND_ROBOTS = BASE | {"qp", "models"}
 LOOP = OPTIMISATION_AND_ROBOTS | {"methods", "stack"}
 
@@ -24,6 +24,7 @@ LOOP = OPTIMISATION_AND_ROBOTS | {"methods", "stack"}
 ARROWS = {
     "errors": set(),
     "types": {"errors"},
+    "arguments": {"errors"},
     "checks": {"errors", "tolerances", "types"},
     "compiled": {"errors"},
     "tolerances": set(),

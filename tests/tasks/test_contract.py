@@ -17,13 +17,16 @@ from hypothesis import strategies as st
 import tasks
 import wbc
 from tests.tasks.rows_of import linear_rows, rows
+from wbc.arguments import UnknownArgument, WrongArguments
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
+from wbc.sim.disturbance import Push
+from wbc.sim.plant import IntegratorPlant
 from wbc.stack.component import Component
 from wbc.stack.constraint import Constraint
 from wbc.stack.contact import Contact
 from wbc.stack.kernel_rows import CENTRE, MOMENTUM, kernel_rows_of
-from wbc.stack.member import UnknownArgument, UnknownSetting, WrongArguments, bound
+from wbc.stack.member import UnknownSetting, bound
 from wbc.stack.task import LinearTask, Objective, Task
 from wbc.stack.tracking import Tracking
 from wbc.testing import check_constraint, check_contact, check_task, moments, robots
@@ -41,6 +44,12 @@ def is_member(value: Any, kinds: tuple[type, ...] = tuple(KINDS)) -> bool:
 
 
 MEMBERS = [value for name, value in sorted(vars(tasks).items()) if is_member(value)]
+#: Everything else that users make by name.
+OTHERS = [value for name, value in sorted(vars(tasks).items()) if is_member(value, (Component,))] + [
+    wbc.Stack, wbc.Controller, wbc.Weighted, wbc.Strict, wbc.Scaled, wbc.VelocityLevel, wbc.AccelerationLevel,
+    wbc.InverseDynamics, tasks.Sinusoid, tasks.MinimumJerk, tasks.PoseInterpolation, tasks.Piecewise, Push,
+    IntegratorPlant,
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("robot", robots(), ids=lambda robot: robot.name)
@@ -214,7 +223,7 @@ def test_a_class_of_ones_own_may_have_attributes_of_its_own():
         assert controller.tick(1e-3 * k, robot.q0, 0.0 * robot.q0).status.ok, controller.why
 
 
-@pytest.mark.parametrize("member", MEMBERS, ids=lambda member: member.__name__)
+@pytest.mark.parametrize("member", [*MEMBERS, *OTHERS], ids=lambda member: member.__name__)
 def test_a_constructor_says_which_arguments_it_has(member: Any):
     kinds = {name: known.kind for name, known in inspect.signature(member).parameters.items()}
     if Parameter.VAR_KEYWORD not in kinds.values():

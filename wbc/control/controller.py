@@ -18,6 +18,7 @@ from typing import Any, final
 import numpy as np
 
 from wbc import checks
+from wbc.arguments import TellsArguments
 from wbc.control.command import Command
 from wbc.control.explain import explain, reproducer
 from wbc.control.measured import Measured
@@ -46,7 +47,7 @@ _SOLVED = Status.SOLVED
 
 
 @final
-class Controller(Solving):
+class Controller(Solving, metaclass=TellsArguments):
     """Decides the command of each tick for a robot and a stack.
 
     Args:

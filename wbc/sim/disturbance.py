@@ -9,7 +9,7 @@ A disturbance acts in one of three places of the loop:
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections import deque
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -18,6 +18,7 @@ from typing import final
 import numpy as np
 
 from wbc import checks
+from wbc.arguments import TellsArguments
 from wbc.errors import InvalidInput
 from wbc.sim.plant import Drive, Plant
 from wbc.types import Vec
@@ -38,7 +39,7 @@ class Effect:
         return command
 
 
-class Disturbance(ABC):
+class Disturbance(metaclass=TellsArguments):
     """Settings. ``begin`` starts it in a run; ``str`` says it in one line."""
 
     @abstractmethod

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol, final
@@ -11,6 +11,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from wbc import checks
+from wbc.arguments import TellsArguments
 from wbc.errors import InvalidInput, NotSupported, SimulationError
 from wbc.models.model import RobotModel
 from wbc.stack.contact import Contact
@@ -48,7 +49,7 @@ class Delivered:
     q: Vec
 
 
-class Plant(ABC):
+class Plant(metaclass=TellsArguments):
     """A robot that moves: a true state (t, q, v), and ``step``, which lets it move for ``dt`` seconds.
 
     ``q`` and ``v`` are ordered as :mod:`wbc.types` says and are read-only; every step makes new ones. Time is

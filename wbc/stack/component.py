@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Iterable, Mapping
 from typing import Any
 
 from wbc import checks
+from wbc.arguments import TellsArguments
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.overrides import Overrides
 from wbc.stack.plan_view import PlanView
 from wbc.types import Vec
 
 
-class Component(ABC):
+class Component(metaclass=TellsArguments):
     """A member with state between ticks: an observer, an adaptive controller, a schedule.
 
     In each tick ``before`` returns its changes as an :class:`~wbc.stack.overrides.Overrides`, or None. ``after`` gets

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, final
 
+from wbc.arguments import TellsArguments
 from wbc.errors import NotSupported
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.component import Component
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Formulation(Level):
+class Formulation(Level, metaclass=TellsArguments):
     """A level that makes plans of stacks."""
 
     @final

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, final
 
 from wbc import checks
+from wbc.arguments import TellsArguments
 from wbc.qp.lexicographic import LexicographicSolver, Part, Pull, Stage
 from wbc.qp.rows import RowProblem, RowSolver, RowTask, open_rows
 from wbc.qp.solver import Solver
@@ -36,7 +37,7 @@ class Rank(NamedTuple):
 Pulls = Callable[[Sequence[Rank]], "list[Pull | None]"]
 
 
-class Hierarchy(ABC):
+class Hierarchy(metaclass=TellsArguments):
     """Frozen settings; ``open`` gives the solver with its memory."""
 
     #: QPs a tick at most, None: two for each stage and one.

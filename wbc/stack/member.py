@@ -7,11 +7,10 @@ What is assigned to the member later is assigned to every copy at the start of t
 
 from __future__ import annotations
 
-from abc import ABCMeta
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from enum import Enum
-from inspect import Parameter, Signature, get_annotations, signature
+from inspect import get_annotations
 from threading import Lock
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar, cast, final
 from weakref import WeakSet
@@ -19,6 +18,7 @@ from weakref import WeakSet
 import numpy as np
 
 from wbc import checks
+from wbc.arguments import TellsArguments
 from wbc.errors import InvalidInput, MemberFailed, NotCompiled, UnknownAttribute, UnknownName, WbcError
 from wbc.models.model import RobotModel
 from wbc.stack.target import Target
@@ -35,16 +35,6 @@ class UnknownSetting(UnknownAttribute):
 
     def _sentence(self) -> str:
         return f"{self.owner}: {super()._sentence()}"
-
-
-class UnknownArgument(UnknownSetting, TypeError):  # type: ignore[misc]  # as UnknownAttribute
-    """The constructor has no argument of this name."""
-
-    kind = "argument"
-
-
-class WrongArguments(InvalidInput, TypeError):
-    """More arguments by position than the constructor takes."""
 
 
 #: Held while the copies of a member are listed: another thread may be making a controller with it.
@@ -64,41 +54,16 @@ class _Role(Enum):
     CLOSED = "a plan's copy, to be read"
 
 
-class _Built(ABCMeta):
+class _Built(TellsArguments):
     """Tells an object that its ``__init__`` has ended."""
 
     if not TYPE_CHECKING:  # else constructors would lose their types
 
         def __call__(cls, *args: Any, **kwargs: Any) -> Any:
-            try:
-                made = super().__call__(*args, **kwargs)
-            except TypeError:
-                _refuse_arguments(cls.__name__, signature(cls), args, kwargs)
-                raise
+            made = super().__call__(*args, **kwargs)
             made.__dict__["_settings"] = frozenset(name for name in made.__dict__ if name[0] != "_") - _STRUCTURE
             made.__dict__["_role"] = _Role.SETTINGS
             return made
-
-        @property
-        def __signature__(cls) -> Signature:
-            """Of the constructor: ``help`` and editors would show that of ``__call__``."""
-            read = signature(cls.__init__)
-            return read.replace(parameters=list(read.parameters.values())[1:], return_annotation=Signature.empty)
-
-
-def _refuse_arguments(owner: str, known: Signature, args: tuple[Any, ...], kwargs: Mapping[str, Any]) -> None:
-    """Say which arguments a constructor has, where one is called with others."""
-    kinds = {name: parameter.kind for name, parameter in known.parameters.items()}
-    for name in () if Parameter.VAR_KEYWORD in kinds.values() else kwargs:
-        if name not in kinds:
-            raise UnknownArgument(name, kinds, owner)
-    first = [name for name, kind in kinds.items() if kind in (kind.POSITIONAL_ONLY, kind.POSITIONAL_OR_KEYWORD)]
-    others = [f"{name}=" for name, kind in kinds.items() if kind is kind.KEYWORD_ONLY]
-    if Parameter.VAR_POSITIONAL not in kinds.values() and len(args) > len(first):
-        raise WrongArguments(
-            f"{owner} takes {', '.join(first) or 'nothing'} by position and {', '.join(others) or 'nothing'} by name, "
-            f"not {len(args)} arguments by position"
-        )
 
 
 class Member(metaclass=_Built):

@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, final
 
+from wbc.arguments import TellsArguments
 from wbc.errors import InvalidInput
 from wbc.stack.component import Component
 from wbc.stack.constraint import Constraint
@@ -16,7 +17,7 @@ from wbc.stack.task import Exactly, Objective, force_of
 
 @final
 @dataclass(frozen=True, init=False, eq=False)
-class Stack:
+class Stack(metaclass=TellsArguments):
     """Tasks in levels, constraints, contacts and components.
 
     A flat list of tasks is one level; a list of lists is levels. Constraints and contacts stand above every level. What
