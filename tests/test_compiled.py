@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numba
+import numpy as np
 import pytest
 from llvmlite.binding import Linkage
 
@@ -15,7 +16,7 @@ import wbc
 from tests.test_import_cost import modules_after
 from wbc import compiled
 from wbc.compile_all import MODULES
-from wbc.compiled import carray, floats, forget_stale, part
+from wbc.compiled import Memory, carray, floats, forget_stale, part
 from wbc.qp.rows.compiled.linear import factor
 
 
@@ -55,6 +56,14 @@ def test_one_command_compiles_every_kernel_and_none_in_both_of_its_processes():
     assert not [name for name in first & second if at_once.search(every[name].read_text(encoding="utf-8"))]
     rows = {name for name, path in every.items() if "\n@callee\n" in path.read_text(encoding="utf-8")}
     assert rows and rows <= {module for modules in MODULES for module in modules}, "compiled when asked for, by name"
+
+
+@pytest.mark.parametrize(
+    "array", [np.eye(3, order="F")[:2], np.eye(3)[:, :2], np.arange(4.0)[::2], np.zeros(2, np.float32)]
+)
+def test_numbers_that_a_kernel_would_read_otherwise_are_refused(array: Any):
+    with pytest.raises(ValueError, match="array 1"):
+        Memory(np.zeros(3), array)
 
 
 @pytest.mark.skipif(numba.config.DISABLE_JIT or numba.config.BOUNDSCHECK, reason="a part is then no code of its own")

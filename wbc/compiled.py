@@ -279,13 +279,15 @@ class Memory:
     """Addresses of float64 and int64 arrays, in the order given, for a kernel; the arrays are kept.
 
     Raises:
-        ValueError: an array of another type.
+        ValueError: an array of another type, or one whose numbers do not stand row by row in one piece.
     """
 
     def __init__(self, *arrays: NDArray[np.float64] | NDArray[np.int64]) -> None:
         for i, array in enumerate(arrays):
             if array.dtype not in (np.float64, np.int64):
                 raise ValueError(f"array {i} is of {array.dtype}, neither float64 nor int64")
+            if not array.flags.c_contiguous:
+                raise ValueError(f"array {i} does not stand row by row in one piece; a kernel reads it so")
         self._arrays = arrays
         #: Of each array, and of this vector.
         self.addresses = np.array([array.__array_interface__["data"][0] for array in arrays], dtype=np.int64)

@@ -194,7 +194,7 @@ class BaseEstimator:
         found = state.frame(frame)
         if np.abs(found.jacobian()[:, 6:]).any():
             raise InvalidInput(f"imu_frame {frame!r} moves with a joint; the IMU must be on the link of the base")
-        return np.array(found.position), np.array(found.rotation)
+        return np.array(found.position), np.array(found.rotation, order="C")
 
     def reset(self, q: Any, v: Any) -> None:
         """Begin at q (nq,), v (nv,): its position and heading are those that all later estimates are in.
