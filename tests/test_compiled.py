@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, NamedTuple
 
 import numba
 import numpy as np
@@ -16,8 +16,9 @@ import wbc
 from tests.test_import_cost import modules_after
 from wbc import compiled
 from wbc.compile_all import MODULES
-from wbc.compiled import Memory, carray, floats, forget_stale, part
+from wbc.compiled import Layout, carray, floats, forget_stale, part
 from wbc.qp.rows.compiled.linear import factor
+from wbc.types import Index, Mat
 
 
 def file_of_age(path: Path, seconds: int) -> Path:
@@ -58,12 +59,17 @@ def test_one_command_compiles_every_kernel_and_none_in_both_of_its_processes():
     assert rows and rows <= {module for modules in MODULES for module in modules}, "compiled when asked for, by name"
 
 
-@pytest.mark.parametrize(
-    "array", [np.eye(3, order="F")[:2], np.eye(3)[:, :2], np.arange(4.0)[::2], np.zeros(2, np.float32)]
-)
-def test_numbers_that_a_kernel_would_read_otherwise_are_refused(array: Any):
-    with pytest.raises(ValueError, match="array 1"):
-        Memory(np.zeros(3), array)
+class Numbers(NamedTuple):
+    matrix: Annotated[Mat, "sizes[0], 2"]
+    sizes: Annotated[Index, "1"]
+
+
+@pytest.mark.parametrize("matrix", [np.zeros((2, 2), order="F"), np.zeros((2, 4))[:, ::2], np.zeros((3, 2))])
+def test_numbers_that_a_kernel_would_read_otherwise_are_refused(matrix: Any):
+    layout, sizes = Layout(Numbers), np.array([2])
+    assert layout.arrays(sizes, matrix=np.zeros((2, 2))).sizes is sizes
+    with pytest.raises(AssertionError, match=r"^matrix "):
+        layout.arrays(sizes, matrix=matrix)
 
 
 @pytest.mark.skipif(numba.config.DISABLE_JIT or numba.config.BOUNDSCHECK, reason="a part is then no code of its own")

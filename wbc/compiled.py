@@ -279,15 +279,13 @@ class Memory:
     """Addresses of float64 and int64 arrays, in the order given, for a kernel; the arrays are kept.
 
     Raises:
-        ValueError: an array of another type, or one whose numbers do not stand row by row in one piece.
+        ValueError: an array of another type.
     """
 
     def __init__(self, *arrays: NDArray[np.float64] | NDArray[np.int64]) -> None:
         for i, array in enumerate(arrays):
             if array.dtype not in (np.float64, np.int64):
                 raise ValueError(f"array {i} is of {array.dtype}, neither float64 nor int64")
-            if not array.flags.c_contiguous:
-                raise ValueError(f"array {i} does not stand row by row in one piece; a kernel reads it so")
         self._arrays = arrays
         #: Of each array, and of this vector.
         self.addresses = np.array([array.__array_interface__["data"][0] for array in arrays], dtype=np.int64)
@@ -336,10 +334,11 @@ class Layout(Generic[_T]):
         self.views: Callable[[int], _T] = small_kernel(scope["views"])
 
     def arrays(self, sizes: NDArray[np.int64], **given: NDArray[Any]) -> _T:
-        """The arrays given, and zeros for all others."""
+        """The arrays given, which stand row by row in one piece, and zeros for all others."""
         made = {"sizes": sizes, **given}
         for name, size in zip(self._shapes, self._shapes_for(sizes.tolist()), strict=True):
             if name not in made:
                 made[name] = np.zeros(size, np.int64 if name in self._integers else np.float64)
             assert made[name].size == prod(size), f"{name} has shape {made[name].shape}, not {size}"
+            assert made[name].flags.c_contiguous, f"{name} does not stand row by row in one piece; a kernel reads it so"
         return self._kind(**made)

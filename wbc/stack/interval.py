@@ -32,13 +32,16 @@ class JointIntervals:
     acceleration limit, at most ``braking`` of the constraint on positions; 20 where nothing is said), the velocity u
     towards the limit at the end of the tick is bounded by
 
-    accelerations: q⁺ = q + v dt + ½ a dt², v⁺ = v + a dt.   u <= −B dt + √((B dt)² + 2 B s), s = d − ½ v dt
+    accelerations: q⁺ = q + v dt + ½ a dt², v⁺ = v + a dt.   u <= −B dt + √((B dt)² + 2 B s), u <= s / (2 dt),
+                   s = d − ½ v dt
     velocities:    q⁺ = q + v dt.   u <= d / dt; with an acceleration limit u <= −B dt + √((B dt)² + 2 B d)
 
     beside the velocity and acceleration limits. It can then brake with B or stop within the tick, and the same holds
-    at the next tick, so the interval is never empty. Whether motors can give B is the matter of
-    :class:`~wbc.stack.stopping.Stopping`. States that can keep their limits are those with
-    d >= u² / 2B + u dt / 2 at the level of accelerations, d >= u² / 2B at that of velocities.
+    at the next tick, so the interval is never empty. The bound s / (2 dt) is the smaller one where s < 4 B dt². Without
+    it, u falls from s / dt to zero within a tick, and in a plant with q⁺ = q + v⁺ dt the joint swings about its limit
+    from tick to tick: the map from (d, u dt) to those of the next tick has the eigenvalue −1 there, and −0.39 with it.
+    Whether motors can give B is the matter of :class:`~wbc.stack.stopping.Stopping`. States that can keep their limits
+    are those with d >= u² / 2B + u dt / 2 at the level of accelerations, d >= u² / 2B at that of velocities.
 
     Outside (noise, a push, limits that shrank) the bounds ask for the way back and are still an interval: back inside
     within the tick if that can be, else as fast as the velocity limit (1 where there is none), B, and braking before

@@ -66,6 +66,8 @@ def joint_bounds(memory: Index, nj: int, order: int, q: Vec, v: Vec, lower: Vec,
             reach[i] = room[i] / dt
         else:
             reach[i] = sqrt(max(room[i], 0.0) * two_B[i] + B_dt_squared[i]) - B_dt[i]
+            if order == 2:  # half of the way in a tick: see JointIntervals
+                reach[i] = min(reach[i], 0.5 * max(room[i], 0.0) / dt)
     flags[2] = outside
     for i in range(2 * nj):
         if not outside:
