@@ -21,6 +21,7 @@ from wbc.qp.lexicographic.compiled.space import (
     HARDLY,
     Size,
     begin_here,
+    gradient_of_item,
     gradient_of_own,
     item_in_space,
     known_in_space,
@@ -154,6 +155,8 @@ def retain(here: int, count: int, item: int) -> int:
     """Item ``item`` holds a level back, as row ``count`` of those that narrow the space; how many there are then."""
     w = space(here)
     w.size[count] = item_in_space(here, item)
+    gradient_of_item(w, item)
+    w.v[count] = left_by_rounding(w, w.whole[item])
     copy(w.R[item], w.C[count])
     w.kept[item], w.loose[item] = 1.0, 0.0
     return count + 1
@@ -192,8 +195,8 @@ def hold(at: int, k: int) -> None:
     dependent = HARDLY if left > MET else DEPENDENT
     for i in range(own):  # rows are measured by their lengths here; of what is left of them, rounding does not count
         whole = gradient_of_own(here, i)
-        rounding = left_by_rounding(w, whole)
-        w.rho[i] = max(known_in_space(here, whole, rounding, w.C[i]), rounding / dependent)
+        w.v[i] = left_by_rounding(w, whole)
+        w.rho[i] = max(known_in_space(here, whole, w.v[i], w.C[i]), w.v[i] / dependent)
     if left <= MET:
         r.found[k, 0] = IS_MET
     elif not is_damped:
@@ -206,7 +209,8 @@ def hold(at: int, k: int) -> None:
         narrow(here, count, DEPENDENT)
         for i in range(own):
             whole = gradient_of_own(here, i)
-            known_in_space(here, whole, left_by_rounding(w, whole), w.C[i])
+            w.v[i] = left_by_rounding(w, whole)
+            known_in_space(here, whole, w.v[i], w.C[i])
     copy(w.rho, w.size[:own])
     for i in range(own):
         s.G[first + i, one] -= r.left[first + i]

@@ -307,13 +307,20 @@ def begin_here(at: int) -> None:
 
 @part
 def narrow(at: int, m: int, tolerance: float) -> int:
-    """Keep only what the m rows in ``C`` leave, and turn V; how many of them did not depend on others."""
+    """Keep only what the m rows in ``C`` leave, and turn V; how many of them did not depend on others.
+
+    In ``v`` stands what rounding leaves of each row. What it leaves of those before it is in the rest of a row, too.
+    """
     w = space(at)
     n, free = w.sizes[Size.N], w.sizes[Size.FREE]
     rank = triangular(at, w.C, m, 0, n - free, tolerance)
     for k in range(rank):
+        left = w.pivot[k] * w.size[k]
+        square = (NOISE * w.size[k]) ** 2 + w.v[w.order[k]] ** 2
+        for j in range(k):
+            square += (w.blur[free + j] * w.C[k, j]) ** 2
         w.doubt[free + k] = 1.0 if w.pivot[k] <= w.noise[0] else 0.0
-        w.blur[free + k] = NOISE / w.pivot[k]
+        w.blur[free + k] = sqrt(square) / left
     for k in range(rank):
         reflect_rows(w, w.V, 0, n, k, free, n - free)
     w.sizes[Size.FREE] = free + rank
@@ -355,6 +362,7 @@ def open_space(at: int, first: int) -> float:
     w.noise[0] = ROUNDING
     m = rows - first
     evaluate(w.sizes[Size.CORE])
+    clear(w.v[:m])
     for i in range(m):
         w.size[i] = gradient_of_row(at, first + i)
         w.rho[i] = s.value[nu + n + 1 + first + i]
