@@ -57,7 +57,7 @@ class Status(Enum):
     UNBOUNDED = "the cost has no minimum; add a posture or damping task"
     MAX_ITERATIONS = "the iteration limit came first; raise it or choose another solver"
     INACCURATE = "the solver reported success but the certificate fails; tighten its tolerances"
-    FAILED = "a row that is not finite, or a numerical breakdown; save the QP with qp.save(path), look at its scaling"
+    FAILED = "a row is not finite, numbers broke down, or a member of the stack failed: controller.why says which"
     INVALID_STATE = "the state was not finite or not plausible"
 
     @property

@@ -30,6 +30,19 @@ def test_a_broken_limit_is_reported_by_how_much(excess: float, joint: int, row: 
         assert broken[kind] == (pytest.approx(excess), unit)
 
 
+@given(excess=st.floats(1e-6, 50.0), joint=st.integers(0, 29))
+def test_a_limit_of_a_sliding_joint_is_broken_by_metres_and_newtons(excess: float, joint: int):
+    run = standing_run()
+    run.meta["joint_units"] = ["m" if i == joint else "rad" for i in range(30)]
+    bound = measure.limits(run)
+    run.columns["tau"][3, joint] = bound["tau_max"][joint] + excess
+    run.columns["plant.v"][3, 6 + joint] = bound["v_max"][joint] + excess
+    run.columns["plant.q"][3, 7 + joint] = bound["q_max"][joint] + excess
+    broken = measure.violations(run)
+    for kind, unit in (("torque", "N"), ("joint velocity", "m/s"), ("joint position", "m")):
+        assert broken[kind] == (pytest.approx(excess), unit)
+
+
 def test_a_commanded_force_outside_its_cone_is_reported_in_newton():
     run = standing_run()
     run.columns["f.Sole[left_sole]"][3] = [FRICTION * 100.0 + 7.0, 0.0, 100.0, 0.0, 0.0, 0.0]

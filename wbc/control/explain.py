@@ -149,7 +149,7 @@ def _regularisation(controller: Solving) -> list[str]:
     lines = [f"regularisation: {controller.level.regularisation:g} on every unknown"]
     if controller.plan.damping.is_on:
         damping = controller.plan.damping.largest
-        lines.append(f"damping of the joints, for what was left of the tasks a tick ago: up to {damping:.3g}")
+        lines.append(f"damping of the joints, because tasks were not met a tick ago: up to {damping:.3g}")
     return lines
 
 

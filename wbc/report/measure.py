@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from wbc.sim.scenario import Place
+from wbc.stack.member import EFFORTS
 from wbc.types import Flags, Vec
 
 if TYPE_CHECKING:
@@ -30,11 +31,11 @@ class TickTimes(NamedTuple):
 
 
 class Excess(NamedTuple):
-    """By how much a limit is exceeded, ``values`` (N, k) in ``unit``, negative within it, of k ``parts`` of the robot;
-    the plot of the report that shows it."""
+    """By how much a limit is exceeded, ``values`` (N, k), negative within it, of k ``parts`` of the robot in the
+    ``units`` of each; the plot of the report that shows it."""
 
     values: Vec
-    unit: str
+    units: tuple[str, ...]
     parts: tuple[str, ...]
     plot: str
 
@@ -194,26 +195,33 @@ def excesses(run: Run) -> dict[str, Excess]:
     """
     bound, (q, v) = limits(run), joint_state(run)
     names = tuple(run.meta["joint_names"])
+    units = tuple(run.meta.get("joint_units", ["rad"] * len(names)))
+    speeds, efforts = tuple(f"{unit}/s" for unit in units), tuple(EFFORTS[unit] for unit in units)
     found = {
-        "joint velocity": Excess(np.abs(v) - bound["v_max"], "rad/s", names, "velocities"),
-        "joint position": Excess(np.maximum(q - bound["q_max"], bound["q_min"] - q), "rad", names, "positions"),
+        "joint velocity": Excess(np.abs(v) - bound["v_max"], speeds, names, "velocities"),
+        "joint position": Excess(np.maximum(q - bound["q_max"], bound["q_min"] - q), units, names, "positions"),
     }
     tau = torques(run)
     if tau is not None:
-        found["torque"] = Excess(np.abs(tau) - bound["tau_max"], "N m", names, "torques")
+        found["torque"] = Excess(np.abs(tau) - bound["tau_max"], efforts, names, "torques")
     cones = {}
     for name, contact in run.meta.get("contacts", {}).items():
         cone = np.array(contact.get("cone") or [], dtype=np.float64)
         if cone.size and f"f.{name}" in run.columns:
             cones[name] = (run.columns[f"f.{name}"][:, : cone.shape[1]] @ cone.T).max(axis=1)
     if cones:
-        found["commanded wrench"] = Excess(np.column_stack(list(cones.values())), "N", tuple(cones), "forces")
+        beyond = np.column_stack(list(cones.values()))
+        found["commanded wrench"] = Excess(beyond, ("N",) * len(cones), tuple(cones), "forces")
     return found
 
 
 def violations(run: Run) -> dict[str, tuple[float, str]]:
     """{kind: (worst, unit)}: by how much each limit of :func:`excesses` was exceeded at worst, 0 if never."""
-    return {kind: (float(np.nanmax(found.values, initial=0.0)), found.unit) for kind, found in excesses(run).items()}
+    broken = {}
+    for kind, found in excesses(run).items():
+        worst = np.nan_to_num(found.values, nan=-np.inf).max(axis=0, initial=-np.inf)
+        broken[kind] = max(float(worst.max()), 0.0), found.units[int(worst.argmax())]
+    return broken
 
 
 def place(run: Run, values: Vec, bound: float, parts: Sequence[str] = (), plot: str = "") -> Place:
