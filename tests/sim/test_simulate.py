@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
@@ -15,9 +17,10 @@ from wbc.qp import QP
 from wbc.qp.conflict import conflict
 from wbc.sim.disturbance import Delay, Push, SensorNoise
 from wbc.sim.plant import IntegratorPlant, Plant
-from wbc.sim.simulate import Interrupted, simulate
+from wbc.sim.simulate import Interrupted, NoAnswer, simulate
 from wbc.stack.component import Component
 from wbc.stack.formulation import AccelerationLevel, InverseDynamics, VelocityLevel
+from wbc.stack.overrides import Overrides
 from wbc.stack.stack import Stack
 from wbc.types import Status
 
@@ -164,6 +167,29 @@ def test_a_run_survives_the_disk(tmp_path):
     assert loaded.meta["limits"]["q_max"] == ARM.limits.q_max.tolist()
     assert {"numpy", "pin", "python"} <= set(loaded.meta["versions"])
     assert {"processor", "cores", "system"} == set(loaded.meta["machine"])
+
+
+class Misspelt(Component):
+    """Overrides a target of a task that does not exist, from its third tick on where it is told to wait."""
+
+    def __init__(self, waits):
+        super().__init__()
+        self.waits = waits
+
+    def before(self, state, last, plan):
+        return None if self.waits and state.t < 2.5e-3 else Overrides(tasks={"Positon[tool]": {"target": TARGET}})
+
+
+@pytest.mark.parametrize("waits", [False, True])
+def test_a_run_without_a_solved_tick_is_warned_about(waits):
+    stack = Stack([Position("tool", target=TARGET)], subject_to=[JointVelocityLimits()], components=[Misspelt(waits)])
+    controller = Controller(ARM, stack, level=VelocityLevel())
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        run = simulate(controller, IntegratorPlant(ARM, level="velocity"), duration=5e-3)
+    told = [str(one.message) for one in said if one.category is NoAnswer]
+    assert len(told) == (not waits) and run.meta["failure"] is not None
+    assert all("'Positon[tool]'" in one and "no tick of this run was solved" in one for one in told)
 
 
 def test_what_does_not_fit_together_is_refused_before_the_first_tick():

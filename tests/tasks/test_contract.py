@@ -48,7 +48,7 @@ MEMBERS = [value for name, value in sorted(vars(tasks).items()) if is_member(val
 OTHERS = [value for name, value in sorted(vars(tasks).items()) if is_member(value, (Component,))] + [
     wbc.Stack, wbc.Controller, wbc.Weighted, wbc.Strict, wbc.Scaled, wbc.VelocityLevel, wbc.AccelerationLevel,
     wbc.InverseDynamics, tasks.Sinusoid, tasks.MinimumJerk, tasks.PoseInterpolation, tasks.Piecewise, Push,
-    IntegratorPlant,
+    IntegratorPlant, wbc.Overrides,
 ]  # fmt: skip
 
 

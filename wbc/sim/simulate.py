@@ -37,6 +37,10 @@ class MissingContact(UserWarning):
     """A plant without a contact of the stack: nothing there pushes on the robot."""
 
 
+class NoAnswer(UserWarning):
+    """A run in which no tick was solved: the robot moved by fallback commands alone."""
+
+
 def simulate(
     controller: Controller | Setpoint,
     plant: Plant,
@@ -57,7 +61,8 @@ def simulate(
     ``recorder`` False only ``t``, ``status`` and ``tick_us`` are kept. ``meta`` is added to the metadata that the loop
     knows, of which it may replace the robot's name alone.
 
-    Of the first tick without an answer, ``run.meta["failure"]`` says when and why and ``run.failed`` is the QP.
+    Of the first tick without an answer, ``run.meta["failure"]`` says when and why and ``run.failed`` is the QP. A run
+    in which no tick had one is warned about (:class:`NoAnswer`).
 
     A plant that has not all contacts of the stack is warned about (:class:`MissingContact`).
 
@@ -142,6 +147,8 @@ def simulate(
     told |= {"ended": ended, "fallen": plant.fallen, **watched.found()}
     run = record.run({**told, **meta})
     run.failed = watched.failed
+    if watched.failure is not None and run["status"].all():  # SOLVED is number 0
+        warnings.warn(f"no tick of this run was solved. {watched.failure['why']}", NoAnswer, stacklevel=2)
     if interrupted:
         raise Interrupted(run, controller.model) from None
     return run

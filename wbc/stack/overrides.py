@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, final
 import numpy as np
 
 from wbc import checks
+from wbc.arguments import TellsArguments
 from wbc.errors import InvalidInput
 from wbc.types import Vec
 
@@ -99,7 +100,7 @@ def _nothing() -> Mapping[Any, Any]:
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Overrides:
+class Overrides(metaclass=TellsArguments):
     """What ``Component.before`` returns. It holds for this tick and is forgotten: nothing has to be undone.
 
     The plan checks it before anything changes. It refuses values that are not finite, cross or have another shape, and
