@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.control.recorder import Run
+from wbc.errors import InvalidInput
 from wbc.models.collision import Obstacle
 from wbc.report import measure
 from wbc.report.document import Bound, Curve, Plot
@@ -129,8 +130,14 @@ def verdict(shown: Trial | Sequence[Trial], checks: Sequence[Check], **fields: A
     The first trial that is ``shown`` is recorded, and the others beside it. ``fields`` are those of
     :class:`~wbc.sim.scenario.ScenarioResult`; tracking and violations are measured where they are not given, and the
     obstacles are those of the stacks' :class:`~wbc.tasks.CollisionAvoidance`.
+
+    Raises:
+        InvalidInput: no trial is shown.
     """
-    first, *others = [shown] if isinstance(shown, Trial) else shown
+    trials = [shown] if isinstance(shown, Trial) else list(shown)
+    if not trials:
+        raise InvalidInput("no trial is shown: those that judge is given can be taken once; pass on what was taken")
+    first, *others = trials
     made: dict[str, Any] = {
         "violations": measure.violations(first.run), "tracking": measure.tracking(first.run), "robot": first.robot,
         "called": first.name if others else "", "beside": {trial.name: trial.run for trial in others},

@@ -204,6 +204,10 @@ def test_the_verdict_tells_what_led_to_the_first_failure(standing: ScenarioResul
     assert "not met: slip, left_foot" in labels
     rows = [event for event in told if event.kind == "row"]
     assert rows and all(event.start == pytest.approx(0.3) and event.end == pytest.approx(0.5) for event in rows)
+    assert all(event.label.endswith("is active") for event in rows)
+    standing.run.columns["active.row"][40] = np.nan  # at 0.4 s nothing is active
+    broken = [event for event in story(replace(standing, verdict=[slipped], ok=False)) if event.kind == "row"]
+    assert broken and all(event.label.endswith("is active, 2 times") for event in broken)
     assert "no certified answer" not in labels  # of the tick long before the push
     assert story(replace(standing, verdict=[replace(slipped, value=0.5)])) == []
 

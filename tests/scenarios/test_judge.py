@@ -9,6 +9,7 @@ import pytest
 import wbc
 from tasks import CollisionAvoidance, JointVelocityLimits, Obstacle, Posture
 from tasks.scenarios import judge
+from wbc.errors import InvalidInput
 from wbc.models.geometry import Sphere
 from wbc.sim.plant import IntegratorPlant
 from wbc.sim.scenario import Setup, Trial
@@ -43,3 +44,11 @@ def test_obstacles_of_all_stacks_are_drawn_once(trials: list[Trial], shown: list
     assert [one.name for one in result.obstacles] == names
     other = [ball("other", 3.0)]
     assert judge.verdict([trials[i] for i in shown], [], obstacles=other).obstacles == other
+
+
+def test_trials_that_were_taken_already_are_refused_with_what_to_do(trials: list[Trial]):
+    given = iter(trials)
+    taken = list(given)
+    with pytest.raises(InvalidInput, match="can be taken once; pass on what was taken"):
+        judge.verdict(given, [])  # type: ignore[arg-type]
+    assert judge.verdict(iter(taken), []).called == taken[0].name  # type: ignore[arg-type]

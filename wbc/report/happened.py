@@ -79,7 +79,7 @@ def _pushed(result: ScenarioResult, begin: float) -> list[Event]:
 
 
 def _held(result: ScenarioResult, begin: float) -> list[Event]:
-    """When the rows of each owner, such as a friction cone or a limit of a joint, first were active."""
+    """From when to when the rows of each owner, a friction cone or a limit of a joint, were active, and how often."""
     run = result.run
     if "active.row" not in run:
         return []
@@ -88,4 +88,8 @@ def _held(result: ScenarioResult, begin: float) -> list[Event]:
         owner = name.partition(": " if name.startswith("friction") else ", ")[0]
         owners[owner] = owners.get(owner, np.zeros(run.rows, dtype=bool)) | (mask & late)
     spans = {owner: measure.intervals(run, mask) for owner, mask in owners.items() if mask.any()}
-    return [Event(times[0][0], times[-1][1], f"{owner} is active", "row", "limits") for owner, times in spans.items()]
+    often = {owner: f", {len(times)} times" if len(times) > 1 else "" for owner, times in spans.items()}
+    return [
+        Event(times[0][0], times[-1][1], f"{owner} is active{often[owner]}", "row", "limits")
+        for owner, times in spans.items()
+    ]
