@@ -32,14 +32,16 @@ class JointIntervals:
     acceleration limit, at most ``braking`` of the constraint on positions; 20 where nothing is said), the velocity u
     towards the limit at the end of the tick is bounded by
 
-    accelerations: q⁺ = q + v dt + ½ a dt², v⁺ = v + a dt.   u <= −B dt + √((B dt)² + 2 B s), u <= s / (2 dt),
-                   s = d − ½ v dt
+    accelerations: q⁺ = q + v dt + ½ a dt², v⁺ = v + a dt.   u <= −B dt + √((B dt)² + 2 B s), s = d − ½ v dt,
+                   u <= max(0.6 s / dt, 0.7 v)
     velocities:    q⁺ = q + v dt.   u <= d / dt; with an acceleration limit u <= −B dt + √((B dt)² + 2 B d)
 
     beside the velocity and acceleration limits. It can then brake with B or stop within the tick, and the same holds
-    at the next tick, so the interval is never empty. The bound s / (2 dt) is the smaller one where s < 4 B dt². Without
-    it, u falls from s / dt to zero within a tick, and in a plant with q⁺ = q + v⁺ dt the joint swings about its limit
-    from tick to tick: the map from (d, u dt) to those of the next tick has the eigenvalue −1 there, and −0.39 with it.
+    at the next tick, so the interval is never empty. With the first bound alone u falls from s / dt to zero within a
+    tick near a limit, and in a plant with q⁺ = q + v⁺ dt the joint swings about it from tick to tick: the map from
+    (d, u dt) to those of the next tick has the eigenvalue −1 there. With 0.6 s / dt it has −0.5 and 0.6. A joint that
+    brakes along d = v² / 2D keeps the second bound, whatever its deceleration D is: for every x = v / D dt one of
+    0.6 (x² − x) / 2 and 0.7 x is at least x − 1.
     Whether motors can give B is the matter of :class:`~wbc.stack.stopping.Stopping`. States that can keep their limits
     are those with d >= u² / 2B + u dt / 2 at the level of accelerations, d >= u² / 2B at that of velocities.
 
