@@ -96,7 +96,8 @@ class LoadRegressor:
         self._before: tuple[Mat, Mat, Mat] | None = None
 
     def step(self, state: RobotState, dt: float, *, weight: bool = True) -> Mat | None:
-        """Y (nv, 4) of the interval dt that ends at ``state``; None at the first call. Without ``weight`` g is 0."""
+        """Y (nv, 4) of the interval dt that ends at ``state``; None at the first call and where dt is 0. Without
+        ``weight`` g is 0."""
         frame = state.frame(self.frame)
         J, R = np.array(frame.jacobian()), np.array(frame.rotation)
         v, w = (J @ state.v).reshape(2, 3)
@@ -109,7 +110,7 @@ class LoadRegressor:
             rest[:3, 0] = -state.model.gravity
             rest[3:, 1:] += np.cross(state.model.gravity, R.T).T
         before, self._before = self._before, (J, momentum, rest)
-        if before is None:
+        if before is None or dt == 0.0:
             return None
         wrench = (momentum - before[1]) / dt + 0.5 * (rest + before[2])
         result: Mat = 0.5 * (J + before[0]).T @ wrench

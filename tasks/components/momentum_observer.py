@@ -35,7 +35,8 @@ class MomentumObserver(Component):
     It needs neither accelerations nor torque sensors nor M⁻¹. In each tick β is the mean of both ends of the last
     interval, τ the torque that the command sent for it gives (``plan.actuators``), less what other components know of
     (``plan.extra_bias``); p(0) is the momentum at the first tick. A force on the robot is seen as Jᵀ f = −τ_f unless it
-    is known so. After missed ticks, at least one period late by ``t``, the observer starts again.
+    is known so. The interval is what really passed by ``t``; where that is more than half a period off, as after missed
+    ticks, the observer starts again.
 
     On a floating base the residual is of the joints relative to a base that floats, w_j − M_jb M_bb⁻¹ w_b for the
     missing forces w: a fault of an actuator appears in its own joint as before, and the measured velocity of the base
@@ -46,8 +47,9 @@ class MomentumObserver(Component):
         threshold: [N m, N], scalar or (nj,); may be assigned. The alarm of joint i is raised once |r_i| > threshold_i
             for ``persistence`` ticks in a row and falls when |r_i| <= ``release`` threshold_i.
         wrenches: measured wrenches of the last interval at feet or hands: a function giving {frame: wrench (6,)},
-            force before moment about the frame's origin, world axes, its frames always the same; may be assigned. A
-            stack with contacts needs it: without the contacts' wrenches left and right hips cannot be told apart.
+            force before moment about the frame's origin, world axes; may be assigned. A frame counts from the tick
+            after the one in which it appears. A stack with contacts needs it: without the contacts' wrenches left and
+            right hips cannot be told apart.
         base_gain: K of the base's rows [1/s], default as the smallest of ``gain``.
         viscous, coulomb: friction that the joints are known to have, viscous v + coulomb sign(v), scalar or (nj,).
 
@@ -111,7 +113,9 @@ class MomentumObserver(Component):
         self._command, self._known = np.zeros(nj), np.zeros(nj)
         self._sent, self._beta = np.zeros(model.nv), np.zeros(model.nv)
         self._rows = np.eye(model.nv) if model.nb else None
-        self._t, self.dt = 0.0, 0.0
+        self._t = 0.0
+        #: The last interval [s]; 0 where the observer started.
+        self.dt = 0.0
         self._carried: dict[str, tuple[LoadRegressor, Vec]] = {}
 
     def reset(self, state: RobotState) -> None:
@@ -124,8 +128,10 @@ class MomentumObserver(Component):
         p, beta = state.M @ state.v, self._beta_of(state)
         if self._observer is None:
             self._refuse(plan)
-        inertial = [(regressor.step(state, plan.dt, weight=False), load) for regressor, load in self._carried.values()]
-        if self._observer is None or abs(state.t - self._t - plan.dt) > 0.5 * plan.dt:
+        passed = 0.0 if self._observer is None else state.t - self._t
+        self.dt = passed if abs(passed - plan.dt) <= 0.5 * plan.dt else 0.0
+        inertial = [(regressor.step(state, self.dt, weight=False), load) for regressor, load in self._carried.values()]
+        if self._observer is None or self.dt == 0.0:
             gain = np.concatenate([np.full(self._model.nb, self.base_gain), self.gain])
             self._observer = MomentumResidual(gain=gain, dt=plan.dt, scheme="exact")
             self._observer.reset(p)
@@ -135,10 +141,11 @@ class MomentumObserver(Component):
             for Y, load in inertial:
                 if Y is not None:
                     known -= Y @ load
-            self._r[:] = self._observer.update(p, 0.5 * (self._beta + beta), known, self._relative_to_base(state))
+            rows, mean = self._relative_to_base(state), 0.5 * (self._beta + beta)
+            self._r[:] = self._observer.update(p, mean, known, rows, dt=self.dt)
             self._missing[:] = self._observer.missing
         self._judge()
-        self._t, self.dt, self._beta, self._plan = state.t, plan.dt, beta, plan
+        self._t, self._beta, self._plan = state.t, beta, plan
         frames = {} if self.wrenches is None else self.wrenches()
         self._jacobians = {frame: np.array(state.frame(frame).jacobian()) for frame in frames}
 
@@ -172,7 +179,7 @@ class MomentumObserver(Component):
         force = np.zeros(self._model.nv)
         if self.wrenches is not None:
             for frame, wrench in self.wrenches().items():
-                if np.isfinite(wrench).all():
+                if frame in self._jacobians and np.isfinite(wrench).all():
                     force += wrench @ self._jacobians[frame]
         return force
 

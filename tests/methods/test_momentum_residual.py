@@ -120,6 +120,23 @@ def test_a_constant_fault_is_seen_by_two_thirds_after_one_time_constant(gain: fl
     assert after(factor * gain, 13, 1 / (factor * gain)) == pytest.approx(expected, rel=1e-12, abs=1e-300)
 
 
+@given(st.floats(0.1, 100), st.lists(st.floats(1e-4, 0.1), min_size=1, max_size=20), st.floats(-5, 5))
+def test_intervals_may_have_lengths_of_their_own(gain: float, lengths: list[float], fault: float):
+    """r(t) = (1 − e^(−K t)) τ_f, however the time t is cut into intervals; the momentum changes by −τ_f each second."""
+    observer, t = MomentumResidual(gain=gain, dt=1e-3), 0.0
+    observer.reset([0.0])
+    for dt in lengths:
+        t += dt
+        observer.update([-fault * t], [0.0], [0.0], dt=dt)
+        assert observer.value[0] == pytest.approx(fault * -np.expm1(-gain * t), rel=1e-9, abs=1e-9)
+    with pytest.raises(InvalidInput, match="dt is 0"):
+        observer.update([0.0], [0.0], [0.0], dt=0.0)
+    euler = MomentumResidual(gain=gain, dt=1.0 / gain, scheme="euler")
+    euler.reset([0.0])
+    with pytest.raises(InvalidInput, match="stable below 2"):
+        euler.update([0.0], [0.0], [0.0], dt=2.5 / gain)
+
+
 # ---- what it sees, and what not
 @few
 @given(st.integers(0, 2**32 - 1), st.floats(1, 30))

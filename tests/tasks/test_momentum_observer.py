@@ -17,6 +17,7 @@ from wbc.errors import InvalidInput, NotSupported
 from wbc.models import Planar4P, PlanarPR
 from wbc.models.model import RobotModel
 from wbc.sim.actuator_fault import ActuatorFault
+from wbc.sim.plant import Delivered
 from wbc.sim.simulate import simulate
 from wbc.types import Vec
 
@@ -42,7 +43,7 @@ def observed(
     return simulate(controller, plant, duration=duration, disturbances=faults), observer
 
 
-def lag(t: Vec, size: float, gain: float = K) -> Vec:
+def lag(t: Vec, size: float | Vec, gain: float = K) -> Vec:
     """The answer of a first-order lag to a step at 0."""
     return size * (1.0 - np.exp(-gain * t))
 
@@ -150,6 +151,43 @@ def test_it_starts_with_the_momentum_there_is_and_again_when_ticks_are_missing()
     controller.reset()
     controller.tick(0.0, np.array([0.0, np.pi / 2]), v)
     assert not observer.residual.any()
+
+
+@settings(max_examples=max(5, settings.default.max_examples // 20))
+@given(seed=st.integers(0, 999), late=st.floats(-0.2, 0.2), jitter=st.floats(0.0, 0.25))
+def test_ticks_may_come_early_and_late(seed: int, late: float, jitter: float):
+    """Property 58 in intervals of any lengths, as long as no tick is missing: the lag is one in time, not in ticks."""
+    rng = np.random.default_rng(seed)
+    observer, plant, fault = MomentumObserver(gain=K), ExactPlant(PR), np.array([0.0, 0.5])
+    stack = wbc.Stack([Torque(rng.normal(size=2), weight=1e6)], components=[observer])
+    controller = wbc.Controller(PR, stack, level=wbc.InverseDynamics())
+    plant.reset(rng.normal(size=2), rng.normal(size=2))
+    t = 0.0
+    for _ in range(150):
+        command = controller.tick(t, plant.q, plant.v)
+        np.testing.assert_allclose(observer.residual, lag(np.array(t), fault), atol=3e-3)
+        plant.dt = controller.dt * (1.0 + late + jitter * rng.uniform(-1.0, 1.0))
+        plant.step(Delivered(command.tau - fault, command.a, command.v, command.q))
+        t += plant.dt
+    assert observer.dt > 0.0 and observer.residual[1] > 0.2
+
+
+def test_measured_wrenches_that_are_assigned_between_ticks_count_from_the_next_interval_on():
+    """No tick is lost: where the force acts is known only from the tick on in which its frame appeared."""
+    hand, observer = PR.frame_names[-1], MomentumObserver(gain=K)
+    wrench = np.array([3.0, 2.0, 0.0, 0.0, 0.0, 0.0])
+    plant = ExactPlant(PR, frame=hand, wrench=lambda t: wrench)
+    stack = wbc.Stack([Torque([1.0, -1.0], weight=1e6)], components=[observer])
+    controller = wbc.Controller(PR, stack, level=wbc.InverseDynamics())
+    missing = []
+    for k, measured in enumerate([None, None, *3 * [{hand: wrench}], *2 * [{"base": 0 * wrench, hand: wrench}]]):
+        observer.wrenches = None if measured is None else lambda measured=measured: measured
+        command = controller.tick(plant.t, plant.q, plant.v)
+        assert command.status.ok, (k, controller.why)
+        missing.append(np.abs(observer.missing).max())
+        plant.step(command)
+    assert min(missing[1:3]) > 1.0
+    assert max(missing[3:]) < 1e-2
 
 
 def test_what_makes_no_sense_is_refused():

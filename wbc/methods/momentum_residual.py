@@ -32,7 +32,8 @@ SCHEMES = ("exact", "euler", "implicit")
 
 @final
 class MomentumResidual:
-    """The residual in steps of dt. With w = τ − β − Δp/dt, the mean of τ_f over the interval, r ← r + φ (w − r):
+    """The residual in steps of dt, each of which may have its own. With w = τ − β − Δp/dt, the mean of τ_f over the
+    interval, r ← r + φ (w − r):
 
     * "exact": φ = 1 − exp(−K dt), the solution for constant τ_f;
     * "euler": φ = K dt, stable for K dt < 2 and monotone up to 1;
@@ -65,17 +66,7 @@ class MomentumResidual:
         else:
             self.gain = positive("gain", checks.array("gain", gain, (None,)))
         self.scheme = checks.one_of("scheme", scheme, SCHEMES)
-        product = self.gain * self.dt
-        if scheme == "euler" and (product >= 2.0).any():
-            i = int((product >= 2.0).argmax())
-            name = f"gain[{i}]" if self.gain.ndim else "gain"
-            raise InvalidInput(
-                f"{name} is {self.gain.flat[i]:g}, so {name} dt is {product.flat[i]:g}; the scheme 'euler' is stable"
-                " below 2, 'exact' and 'implicit' always"
-            )
-        self._share: Vec = {"exact": -np.expm1(-product), "euler": product, "implicit": product / (1.0 + product)}[
-            scheme
-        ]
+        self._share = self._share_of(self.dt)
         self._momentum: Vec | None = None
         self._residual: Vec | None = None
 
@@ -116,8 +107,8 @@ class MomentumResidual:
             raise InvalidInput(f"component is {component!r}; there are components 0 to {len(residual) - 1}")
         residual[component] = 0.0
 
-    def update(self, p: Any, beta: Any, tau: Any, rows: Any = None) -> Vec:
-        """The residual (n,) [N m, N] at the end of one more interval dt.
+    def update(self, p: Any, beta: Any, tau: Any, rows: Any = None, *, dt: Any = None) -> Vec:
+        """The residual (n,) [N m, N] at the end of one more interval.
 
         Args:
             p: momentum M v at the end of the interval (n,) [kg m/s, kg m²/s].
@@ -125,20 +116,43 @@ class MomentumResidual:
             tau: what was commanded during the interval (n,).
             rows: T (n, n); the residual then follows T w. On a floating base T = [[1, 0], [−M_jb M_bb⁻¹, 1]] leaves out
                 what the base's velocity contributes to the joints, its noise included.
+            dt: length of this interval [s]; None: the one given at the start.
 
         Raises:
             NotSupported: before the first reset.
-            InvalidInput: shapes, or numbers that are not finite; the residual stays what it was.
+            InvalidInput: shapes, numbers that are not finite, or a dt that would be refused at the start; the residual
+                stays what it was.
         """
         before, residual = self._started()
         size = len(before)
         p, beta, tau = (checks.array(name, value, (size,)) for name, value in (("p", p), ("beta", beta), ("tau", tau)))
-        missing = tau - beta - (p - before) / self.dt
+        share = self._share
+        if dt is None:
+            dt = self.dt
+        else:
+            dt = checks.number("dt", dt, low=0.0, strict=True)
+            share = self._share_of(dt)
+        missing = tau - beta - (p - before) / dt
         if rows is not None:
             missing = checks.array("rows", rows, (size, size)) @ missing
         self._missing = missing
-        self._momentum, self._residual = p, residual + self._share * (missing - residual)
+        self._momentum, self._residual = p, residual + share * (missing - residual)
         return self._residual.copy()
+
+    def _share_of(self, dt: float) -> Vec:
+        """φ of an interval dt, of the gain's shape."""
+        product = self.gain * dt
+        if self.scheme == "euler" and (product >= 2.0).any():
+            i = int((product >= 2.0).argmax())
+            name = f"gain[{i}]" if self.gain.ndim else "gain"
+            raise InvalidInput(
+                f"{name} is {self.gain.flat[i]:g}, so {name} dt is {product.flat[i]:g}; the scheme 'euler' is stable"
+                " below 2, 'exact' and 'implicit' always"
+            )
+        shares: dict[str, Vec] = {
+            "exact": -np.expm1(-product), "euler": product, "implicit": product / (1.0 + product)
+        }  # fmt: skip
+        return shares[self.scheme]
 
     def _started(self) -> tuple[Vec, Vec]:
         if self._momentum is None or self._residual is None:
