@@ -93,7 +93,7 @@ class FaultReaction(Component):
     is withdrawn. Decisions on other motors stay, and a brake stays set.
 
     :attr:`limits` is a task to be put among the stack's: it brings joints that were released back within their limits,
-    softly. :attr:`events` lists diagnoses and what was done. Signals: ``kind`` (0 nothing new, else the place in
+    softly, as far as the other joints can move them. :attr:`events` lists diagnoses and what was done. Signals: ``kind`` (0 nothing new, else the place in
     ``KINDS`` from 1 on), ``joint`` (-1: none), ``share`` (nj,), the share of its command that each motor is assumed to
     deliver.
 
@@ -257,7 +257,8 @@ class _ReleasedLimits(Task):
     """Joints without torque are brought back when they leave their limits; of other joints it says nothing.
 
     Where a released joint is outside its position limits, or would be after ``ahead`` seconds at its speed, the
-    acceleration kp (limit − q) − kd v is asked for it. The weight is 0 until :class:`FaultReaction` overrides it.
+    acceleration kp (limit − q) − kd v is asked for it, of the nearest position within them. The weight is 0 until
+    :class:`FaultReaction` overrides it; ``Release`` leaves kp and kd as they are.
     """
 
     on_joints = True

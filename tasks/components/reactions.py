@@ -59,8 +59,9 @@ class Release(Reaction):
     """The joint gets no torque from now on: its motor is sent 0.
 
     It then moves as the others move it, so its own limits on position, velocity and acceleration, and the stiffness
-    of tasks on the joints there, are taken away in the same tick; the damping stays. The limits come back as soft
-    ones through :attr:`FaultReaction.limits`.
+    there of tasks on all joints, such as Posture, are taken away in the same tick; the damping stays. The limits come
+    back as soft ones through :attr:`FaultReaction.limits`. A task on some joints that names it, such as FrozenJoints,
+    stays as it is.
     """
 
     def apply(self, diagnosis: Diagnosis, decided: Any, draft: Draft) -> None:
@@ -227,9 +228,9 @@ class Stop(Reaction):
 
 
 def soften(draft: Draft, joint: int) -> None:
-    """Tasks on the joints no longer pull this one; they still damp it."""
+    """Tasks on all joints no longer pull this one; they still damp it. What a component sets stays as it says."""
     for task in draft.tasks():
-        if isinstance(task, Task) and task.on_joints and task.dim == draft.plan.model.nj:
+        if isinstance(task, Task) and task.on_joints and task.set_by is None:
             kp, kd = draft.gains(task)
             kp[joint] = 0.0
             draft.set(task.name, kp=kp, kd=kd)
