@@ -93,9 +93,9 @@ class FaultReaction(Component):
     is withdrawn. Decisions on other motors stay, and a brake stays set.
 
     :attr:`limits` is a task to be put among the stack's: it brings joints that were released back within their limits,
-    softly, as far as the other joints can move them. :attr:`events` lists diagnoses and what was done. Signals: ``kind`` (0 nothing new, else the place in
-    ``KINDS`` from 1 on), ``joint`` (-1: none), ``share`` (nj,), the share of its command that each motor is assumed to
-    deliver.
+    softly, as far as the other joints can move them. :attr:`events` lists diagnoses and what was done. Signals:
+    ``kind`` (0 nothing new, else the place in ``KINDS`` from 1 on), ``joint`` (-1: none), ``share`` (nj,), the share of
+    its command that each motor is assumed to deliver.
 
     Raises:
         InvalidInput: a table or number that makes no sense; when a controller is made, an observer that is not in the

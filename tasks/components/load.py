@@ -20,6 +20,10 @@ UNEXPLAINED, HALF = 0.2, 0.5
 CLEARLY = 2.0
 #: Farther from its frame's origin than this nothing is carried [m].
 REACH = 0.3
+#: Where in the inertia its six parameters stand.
+INERTIA = ([0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2])
+#: How often the fit is made: each time but the first with the inertia about the origin of the load found before.
+ROUNDS = 10
 #: Directions of π that show nothing are left at 0 by this share of the largest curvature.
 FAINT = 1e-8
 
@@ -45,8 +49,11 @@ class Load:
 
     @property
     def parameters(self) -> Vec:
-        """π (4,): mass and first moments [kg, kg m]."""
-        return np.concatenate([[self.mass], self.mass * self.centre])
+        """π (10,) of a point: mass, first moments, and xx, yy, zz, xy, xz, yz of the inertia about the frame's origin
+        [kg, kg m, kg m²]."""
+        m, c = self.mass, self.centre
+        inertia = m * (c @ c * np.eye(3) - np.outer(c, c))
+        return np.concatenate([[m], m * c, inertia[INERTIA]])
 
     def jacobian(self, state: RobotState) -> Mat:
         """Of the centre of mass (3, nv), world axes."""
@@ -69,15 +76,14 @@ class Load:
 
 @final
 class LoadRegressor:
-    """Y (nv, 4): the generalised force Y π that a load π = (m, m c) at ``frame`` takes, mean over a tick.
+    """Y (nv, 10): the generalised force Y π that a load π = (m, m c, I) at ``frame`` takes, mean over a tick.
 
-    With v_o, ω the velocity of the frame's origin and its angular velocity, s = R m c, g the acceleration of gravity,
-    all in world axes, the force and the moment about the origin that move the load are
+    With v_o, ω the velocity of the frame's origin and its angular velocity, s = R m c, I the inertia about the origin,
+    g the acceleration of gravity, all in world axes, the force and the moment about the origin that move the load are
 
-        f = d/dt (m v_o + ω × s) − m g,      n = d/dt (s × v_o) + v_o × (ω × s) + g × s,      Y π = Jᵀ (f, n);
+        f = d/dt (m v_o + ω × s) − m g,   n = d/dt (s × v_o + I ω) + v_o × (ω × s) + g × s,   Y π = Jᵀ (f, n);
 
-    differences over the tick stand for d/dt, so that no acceleration is measured. The load's inertia about its own
-    centre, and m |c|² about the origin, are left out: of a load within a hand they are small.
+    differences over the tick stand for d/dt, so that no acceleration is measured. Without ``weight`` g is 0.
 
     Source: Newton's and Euler's equations about a moving point; docs/adaptive.md.
 
@@ -88,27 +94,28 @@ class LoadRegressor:
         >>> regressor.step(state, 1e-3) is None  # the first state; from the next on there is an interval
         True
         >>> regressor.step(state, 1e-3).shape
-        (7, 4)
+        (7, 10)
     """
 
-    def __init__(self, frame: str) -> None:
-        self.frame = frame
+    def __init__(self, frame: str, *, weight: bool = True) -> None:
+        self.frame, self._weight = frame, weight
         self._before: tuple[Mat, Mat, Mat] | None = None
 
-    def step(self, state: RobotState, dt: float, *, weight: bool = True) -> Mat | None:
-        """Y (nv, 4) of the interval dt that ends at ``state``; None at the first call and where dt is 0. Without
-        ``weight`` g is 0."""
+    def step(self, state: RobotState, dt: float) -> Mat | None:
+        """Y (nv, 10) of the interval dt that ends at ``state``; None at the first call and where dt is 0."""
         frame = state.frame(self.frame)
         J, R = np.array(frame.jacobian()), np.array(frame.rotation)
         v, w = (J @ state.v).reshape(2, 3)
-        momentum, rest = np.zeros((6, 4)), np.zeros((6, 4))
+        momentum, rest = np.zeros((6, 10)), np.zeros((6, 10))
         turning = np.cross(w, R.T).T  # ω × s of the three unit moments
-        momentum[:3, 0], momentum[:3, 1:] = v, turning
-        momentum[3:, 1:] = np.cross(R.T, v).T
-        rest[3:, 1:] = np.cross(v, turning.T).T
-        if weight:
+        momentum[:3, 0], momentum[:3, 1:4] = v, turning
+        momentum[3:, 1:4] = np.cross(R.T, v).T
+        x, y, z = R.T @ w
+        momentum[3:, 4:] = R @ [[x, 0.0, 0.0, y, z, 0.0], [0.0, y, 0.0, x, 0.0, z], [0.0, 0.0, z, 0.0, x, y]]
+        rest[3:, 1:4] = np.cross(v, turning.T).T
+        if self._weight:
             rest[:3, 0] = -state.model.gravity
-            rest[3:, 1:] += np.cross(state.model.gravity, R.T).T
+            rest[3:, 1:4] += np.cross(state.model.gravity, R.T).T
         before, self._before = self._before, (J, momentum, rest)
         if before is None or dt == 0.0:
             return None
@@ -122,9 +129,10 @@ class LoadFit:
     """Adds up missing torques over a motion, and says which load in a hand explains them, if one does.
 
     ``scale`` (nj,): thresholds of the joints; ``counted`` (nj,): those that count, 0 or 1. Sums of ``BLOCK`` ticks are
-    compared with Y π by weighted least squares. A load is the answer if it leaves little, if it has a mass and a centre
-    within ``REACH`` of the hand, and if constant torques of the same joints leave much more: where the robot is at
-    rest, a weight, a push and a bias are the same.
+    compared with Y π by weighted least squares. The mass and the first moments are fitted; the inertia about the origin
+    is that of a point, which follows from them: of the mass and centre that were fitted the time before. A load is the
+    answer if it leaves little, if it has a mass and a centre within ``REACH`` of the hand, and if constant torques of
+    the same joints leave much more: where the robot is at rest, a weight, a push and a bias are the same.
 
     Example:
         >>> import numpy as np, wbc
@@ -139,8 +147,8 @@ class LoadFit:
     def __init__(self, frame: str, scale: Vec, counted: Vec) -> None:
         self._regressor = LoadRegressor(frame)
         self._weight = np.where(np.isfinite(scale), counted / scale, 0.0)
-        self._N, self._c, self._mm = np.zeros((4, 4)), np.zeros(4), 0.0
-        self._sum, self._Y, self._m = np.zeros(len(scale)), np.zeros((len(scale), 4)), np.zeros(len(scale))
+        self._N, self._c, self._mm = np.zeros((10, 10)), np.zeros(10), 0.0
+        self._sum, self._Y, self._m = np.zeros(len(scale)), np.zeros((len(scale), 10)), np.zeros(len(scale))
         self._ticks, self.blocks = 0, 0
 
     def add(self, state: RobotState, dt: float, missing: Vec, rows: Mat | None) -> None:
@@ -172,14 +180,19 @@ class LoadFit:
         """The load that explains what was added so far; None: nothing is, or not yet."""
         if self.blocks < SHORTEST or self._ticks or not self._mm > 0.0:
             return None
-        N = self._N + FAINT * np.trace(self._N) * np.eye(4)
-        parameters = np.linalg.solve(N, self._c)
-        left = max(self._mm - float(self._c @ parameters), 0.0)
+        N = self._N[:4, :4] + FAINT * np.trace(self._N[:4, :4]) * np.eye(4)
+        load = Load(self._regressor.frame, 0.0, np.zeros(3))
+        for _ in range(ROUNDS):
+            found = np.linalg.solve(N, self._c[:4] - self._N[:4, 4:] @ load.parameters[4:])
+            mass = float(found[0])
+            if not mass > 0.0:
+                return None
+            load = Load(load.frame, mass, found[1:] / mass)
+        parameters = load.parameters
+        left = max(self._mm + float((self._N @ parameters - 2.0 * self._c) @ parameters), 0.0)
         constant = max(self._mm - float(self._sum @ self._sum) / self.blocks, 0.0)
         rows = self.blocks * np.count_nonzero(self._weight)
         allowed = UNEXPLAINED**2 * self._mm + HALF**2 * rows
-        mass = float(parameters[0])
-        if not mass > 0.0 or left > allowed or constant < CLEARLY**2 * left:
+        if left > allowed or constant < CLEARLY**2 * left:
             return None
-        centre = parameters[1:] / mass
-        return Load(self._regressor.frame, mass, centre) if np.linalg.norm(centre) <= REACH else None
+        return load if np.linalg.norm(load.centre) <= REACH else None

@@ -130,7 +130,7 @@ class MomentumObserver(Component):
             self._refuse(plan)
         passed = 0.0 if self._observer is None else state.t - self._t
         self.dt = passed if abs(passed - plan.dt) <= 0.5 * plan.dt else 0.0
-        inertial = [(regressor.step(state, self.dt, weight=False), load) for regressor, load in self._carried.values()]
+        inertial = [(regressor.step(state, self.dt), load) for regressor, load in self._carried.values()]
         if self._observer is None or self.dt == 0.0:
             gain = np.concatenate([np.full(self._model.nb, self.base_gain), self.gain])
             self._observer = MomentumResidual(gain=gain, dt=plan.dt, scheme="exact")
@@ -228,9 +228,11 @@ class MomentumObserver(Component):
         """T (nv, nv) by which missing forces are made those of joints on a base that floats; None on a fixed one."""
         return self._rows
 
-    def carry(self, load: Load) -> None:
-        """What this load's inertia takes is missing no longer; :class:`Carry` adds its weight."""
-        self._carried[load.frame] = LoadRegressor(load.frame), load.parameters
+    def carry(self, load: Load, state: RobotState) -> None:
+        """What this load's inertia takes from this state on is missing no longer; :class:`Carry` adds its weight."""
+        regressor = LoadRegressor(load.frame, weight=False)
+        regressor.step(state, 0.0)
+        self._carried[load.frame] = regressor, load.parameters
 
     @property
     def alarm(self) -> NDArray[np.bool_]:

@@ -137,7 +137,7 @@ class Carry(Reaction):
 
     def decide(self, diagnosis: Diagnosis, state: RobotState, plan: PlanView) -> Any:
         if diagnosis.load is not None:
-            self.observer.carry(diagnosis.load)
+            self.observer.carry(diagnosis.load, state)
 
     def apply(self, diagnosis: Diagnosis, decided: Any, draft: Draft) -> None:
         """Nothing that is the same in every state."""

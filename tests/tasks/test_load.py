@@ -84,9 +84,9 @@ def along(robot: PinocchioModel, q: Vec, v: Vec, a: Vec, t: float) -> tuple[Vec,
 @settings(max_examples=max(25, settings.default.max_examples // 4))
 @given(seed=st.integers(0, 9999))
 def test_the_regressor_is_what_inverse_dynamics_asks_for_the_load(robot: PinocchioModel, seed: int) -> None:
-    """From two states and no acceleration; up to m |c|² of inertia that it leaves out, and the length of a tick."""
+    """From two states and no acceleration, up to the length of a tick, however far the load is from the frame."""
     rng, dt = np.random.default_rng(seed), 1e-5
-    load = Load(TOOLS[robot], rng.uniform(0.1, 3.0), 0.02 * rng.standard_normal(3))
+    load = Load(TOOLS[robot], rng.uniform(0.1, 3.0), 0.2 * rng.standard_normal(3))
     q, (v, a) = robot.random_configuration(rng), rng.standard_normal((2, robot.nv))
     model, state, regressor = loaded(robot, load), robot.state(), LoadRegressor(load.frame)
     steps = []
@@ -96,9 +96,7 @@ def test_the_regressor_is_what_inverse_dynamics_asks_for_the_load(robot: Pinocch
     assert steps[0] is None and steps[1] is not None
     asked = pin.rnea(model, model.createData(), q, v, a)
     asked = asked - pin.rnea(robot.pinocchio, robot.pinocchio.createData(), q, v, a)
-    turning = np.linalg.norm(a) + np.linalg.norm(v) ** 2
-    left_out = 2.0 * load.mass * float(load.centre @ load.centre) * turning
-    assert np.abs(steps[1] @ load.parameters - asked).max() < left_out + 1e-3 * np.abs(asked).max()
+    assert np.abs(steps[1] @ load.parameters - asked).max() < 1e-3 * np.abs(asked).max()
 
 
 def fitted(missing: object, *, ticks: int = 40 * BLOCK, moving: float = 1.0) -> Load | None:
@@ -116,14 +114,14 @@ def fitted(missing: object, *, ticks: int = 40 * BLOCK, moving: float = 1.0) -> 
     return found
 
 
-@settings(max_examples=max(10, settings.default.max_examples // 20))
-@given(mass=st.floats(0.5, 4.0), x=st.floats(-0.1, 0.1), z=st.floats(-0.1, 0.1))
-def test_a_load_is_found_with_its_mass_and_its_centre(mass: float, x: float, z: float) -> None:
-    load = Load("tool", mass, np.array([x, 0.02, z]))
+@settings(max_examples=max(4, settings.default.max_examples // 20))
+@given(mass=st.floats(0.5, 4.0), x=st.floats(-0.15, 0.15), y=st.floats(-0.15, 0.15), z=st.floats(-0.15, 0.15))
+def test_a_load_is_found_with_its_mass_and_its_centre(mass: float, x: float, y: float, z: float) -> None:
+    load = Load("tool", mass, np.array([x, y, z]))
     found = fitted(lambda state, Y: Y @ load.parameters)
     assert found is not None
     assert found.mass == pytest.approx(mass, rel=1e-3)
-    np.testing.assert_allclose(found.centre, load.centre, atol=2e-3)
+    np.testing.assert_allclose(found.centre, load.centre, atol=1e-3)
 
 
 def test_what_is_no_load_is_not_called_one() -> None:
@@ -141,6 +139,43 @@ def test_what_is_no_load_is_not_called_one() -> None:
     assert fitted(one) is None, "one joint alone"
     assert fitted(lambda state, Y: Y @ load.parameters, moving=0.0) is None, "at rest nobody can tell"
     assert fitted(lambda state, Y: np.zeros(ARM.nj)) is None, "nothing is missing"
+
+
+class Carries(wbc.Component):
+    """What :class:`Carry` says of a load, from the first tick on."""
+
+    def __init__(self, load: Load, observer: MomentumObserver) -> None:
+        super().__init__()
+        self.carry, self.load = Carry(observer), load
+
+    def before(self, state: Any, last: object, plan: Any) -> wbc.Overrides:
+        found = Diagnosis("payload", 0, ARM.joint_names[0], 0.0, 0.0, np.zeros(ARM.nj), load=self.load)
+        if last is None:
+            self.carry.decide(found, state, plan)
+        draft = Draft(plan)
+        self.carry.hold(found, state, draft)
+        return wbc.Overrides(bias=draft.bias, inertia=draft.inertia)
+
+
+@settings(max_examples=max(3, settings.default.max_examples // 30))
+@given(seed=st.integers(0, 9999))
+def test_of_a_load_that_is_carried_nothing_is_missing(seed: int) -> None:
+    """The observer and the dynamics mean the same load: no motion, however fast, looks like a failing motor."""
+    rng, dt = np.random.default_rng(seed), 1e-3
+    load = Load("tool", rng.uniform(1.0, 3.0), 0.1 * rng.standard_normal(3))
+    observer, model = MomentumObserver(gain=100.0), loaded(ARM, load)
+    stack = wbc.Stack([Posture(ARM.q0, kp=100)], components=[observer, Carries(load, observer)])
+    controller = wbc.Controller(ARM, stack, level=wbc.InverseDynamics())
+    q, v, data = ARM.q0.copy(), rng.choice([-3.0, 3.0], ARM.nv), model.createData()
+    missing = 0.0
+    for k in range(100):
+        tau = controller.tick(k * dt, q, v).tau
+        missing = max(missing, np.abs(observer.residual).max())
+        for _ in range(4):
+            middle = v + 0.125 * dt * pin.aba(model, data, q, v, tau)
+            a = pin.aba(model, data, q + 0.125 * dt * v, middle, tau)
+            q, v = q + 0.25 * dt * middle, v + 0.25 * dt * a
+    assert missing < 0.1
 
 
 # ---- in a stack that runs
