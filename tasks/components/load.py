@@ -181,18 +181,20 @@ class LoadFit:
         if self.blocks < SHORTEST or self._ticks or not self._mm > 0.0:
             return None
         N = self._N[:4, :4] + FAINT * np.trace(self._N[:4, :4]) * np.eye(4)
-        load = Load(self._regressor.frame, 0.0, np.zeros(3))
+        inertia = np.zeros(6)
         for _ in range(ROUNDS):
-            found = np.linalg.solve(N, self._c[:4] - self._N[:4, 4:] @ load.parameters[4:])
+            found = np.linalg.solve(N, self._c[:4] - self._N[:4, 4:] @ inertia)
             mass = float(found[0])
             if not mass > 0.0:
                 return None
-            load = Load(load.frame, mass, found[1:] / mass)
+            centre = found[1:] / mass
+            distance = float(np.linalg.norm(centre))
+            within = centre * (REACH / max(distance, REACH))  # or what is too far away would go on to infinity
+            inertia = Load(self._regressor.frame, mass, within).parameters[4:]
+        load = Load(self._regressor.frame, mass, centre)
         parameters = load.parameters
         left = max(self._mm + float((self._N @ parameters - 2.0 * self._c) @ parameters), 0.0)
         constant = max(self._mm - float(self._sum @ self._sum) / self.blocks, 0.0)
         rows = self.blocks * np.count_nonzero(self._weight)
         allowed = UNEXPLAINED**2 * self._mm + HALF**2 * rows
-        if left > allowed or constant < CLEARLY**2 * left:
-            return None
-        return load if np.linalg.norm(load.centre) <= REACH else None
+        return None if distance > REACH or left > allowed or constant < CLEARLY**2 * left else load
