@@ -92,10 +92,10 @@ class FaultReaction(Component):
     If a later diagnosis says that a motor is sound (``instead_of``), or that a push was a payload, the first decision
     is withdrawn. Decisions on other motors stay, and a brake stays set.
 
-    :attr:`limits` is a task to be put among the stack's: it brings joints that were released back within their limits,
-    softly, as far as the other joints can move them. :attr:`events` lists diagnoses and what was done. Signals:
-    ``kind`` (0 nothing new, else the place in ``KINDS`` from 1 on), ``joint`` (-1: none), ``share`` (nj,), the share of
-    its command that each motor is assumed to deliver.
+    :attr:`limits` is a task to be put among the stack's: it brakes joints that were released where they leave their
+    limits. :attr:`events` lists diagnoses and what was done. Signals: ``kind`` (0 nothing new, else the place in
+    ``KINDS`` from 1 on), ``joint`` (-1: none), ``share`` (nj,), the share of its command that each motor is assumed to
+    deliver.
 
     Raises:
         InvalidInput: a table or number that makes no sense; when a controller is made, an observer that is not in the
@@ -140,7 +140,7 @@ class FaultReaction(Component):
                 ("dominance", dominance),
             )
         }
-        #: The task that brings released joints back within their limits.
+        #: The task that brakes released joints where they leave their limits.
         self.limits = _ReleasedLimits(name=f"{self.name} limits")
         self.limits.set_by = self
         self._standing: list[_Standing] = []
@@ -254,11 +254,12 @@ def _is_replaced(former: Diagnosis, *, by: Diagnosis) -> bool:
 
 @final
 class _ReleasedLimits(Task):
-    """Joints without torque are brought back when they leave their limits; of other joints it says nothing.
+    """Joints without torque are braked where they leave their limits; of other joints it says nothing.
 
     Where a released joint is outside its position limits, or would be after ``ahead`` seconds at its speed, the
-    acceleration kp (limit − q) − kd v is asked for it, of the nearest position within them. The weight is 0 until
-    :class:`FaultReaction` overrides it; ``Release`` leaves kp and kd as they are.
+    acceleration −kd v is asked for it. ``Release`` takes its kp away, as of all tasks on the joints: the others can
+    only throw a hanging joint back, and a serial arm's swung ten times as far beyond when they did. The weight is 0
+    until :class:`FaultReaction` overrides it.
     """
 
     on_joints = True

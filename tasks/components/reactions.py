@@ -59,9 +59,9 @@ class Release(Reaction):
     """The joint gets no torque from now on: its motor is sent 0.
 
     It then moves as the others move it, so its own limits on position, velocity and acceleration, and the stiffness
-    there of tasks on all joints, such as Posture, are taken away in the same tick; the damping stays. The limits come
-    back as soft ones through :attr:`FaultReaction.limits`. A task on some joints that names it, such as FrozenJoints,
-    stays as it is.
+    there of tasks on all joints, such as Posture, are taken away in the same tick; the damping stays. Where the joint
+    leaves its limits, :attr:`FaultReaction.limits` brakes it. A task on some joints that names it, such as
+    FrozenJoints, stays as it is.
     """
 
     def apply(self, diagnosis: Diagnosis, decided: Any, draft: Draft) -> None:
@@ -228,9 +228,9 @@ class Stop(Reaction):
 
 
 def soften(draft: Draft, joint: int) -> None:
-    """Tasks on all joints no longer pull this one; they still damp it. What a component sets stays as it says."""
+    """Tasks on the joints no longer pull this one; they still damp it."""
     for task in draft.tasks():
-        if isinstance(task, Task) and task.on_joints and task.set_by is None:
+        if isinstance(task, Task) and task.on_joints and task.dim == draft.plan.model.nj:
             kp, kd = draft.gains(task)
             kp[joint] = 0.0
             draft.set(task.name, kp=kp, kd=kd)
