@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -63,22 +62,6 @@ def missed(one: BaseEstimator, motion: Motion, truth: Motion) -> Mat:
 @pytest.mark.parametrize("motion", [standing(), stepping()], ids=["stands", "steps"])
 def test_without_errors_of_the_sensors_the_estimate_is_the_truth(motion: Motion) -> None:
     assert np.abs(missed(estimator(), motion, motion)).max() < 1e-9
-
-
-@pytest.mark.filterwarnings("ignore::wbc.models.feet.Guessed")
-@pytest.mark.parametrize("seed", range(3))
-def test_an_imu_may_be_mounted_turned(seed: int, tmp_path: Path) -> None:
-    angles = generator("a turned IMU", seed).uniform(-np.pi, np.pi, 3)
-    mount = Rotation.from_euler("xyz", angles).as_matrix()
-    turn = f'<origin xyz="0 0 0" rpy="{" ".join(map(repr, angles.tolist()))}"/>'
-    joint = f'<joint name="mount" type="fixed"><parent link="trunk"/><child link="imu"/>{turn}</joint>'
-    path = tmp_path / "quadruped.urdf"
-    written = (Path(wbc.__file__).parent / "models/robots/quadruped.urdf").read_text(encoding="utf-8")
-    path.write_text(written.replace("</robot>", f'<link name="imu"/>{joint}</robot>'), encoding="utf-8")
-    robot, motion = wbc.load(path, base="floating", q0=ROBOT.q0), stepping()
-    one = BaseEstimator(robot, POINTS, noise=QUIET, settle=0.0, imu_frame="imu")
-    in_imu = replace(motion, gyro=motion.gyro @ mount, force=motion.force @ mount)
-    assert np.abs(missed(one, in_imu, motion)).max() < 1e-9
 
 
 def test_a_wrong_lean_and_speed_at_the_start_are_found() -> None:
