@@ -29,6 +29,7 @@ ROBOTS: Mapping[str, tuple[Callable[[], Device], str]] = {
     "go2": (UnitreeGo2, "quadruped"),
     "franka": (Franka, "arm"),
     "g1": (UnitreeG1, "g1"),
+    "panda": (Franka, "panda"),
 }
 #: Robots of each kind with nothing wrong.
 CLEAN = {"franka": 60, "go2": 30, "g1": 10}
@@ -94,8 +95,10 @@ class Seeded:
     board: Mapping[str, Any] = field(default_factory=dict)
 
 
-def checked(kind: str, seed: int, mistake: Seeded | None = None) -> Checked:
-    """A check of a robot with noise, friction and masses of its own, drawn by ``seed``."""
+def checked(
+    kind: str, seed: int, mistake: Seeded | None = None, *, fit: Callable[[MotorBoard], None] = lambda board: None
+) -> Checked:
+    """A check of a robot with noise, friction and masses of its own, drawn by ``seed``, its motors changed by ``fit``."""
     make, name = ROBOTS[kind]
     device, robot, rng = make(), wbc.load(name, base="fixed"), np.random.default_rng(seed)
     names = names_of(kind)
@@ -108,6 +111,7 @@ def checked(kind: str, seed: int, mistake: Seeded | None = None) -> Checked:
     }  # fmt: skip
     mistake = mistake or Seeded("", kind, "", "")
     board = MotorBoard(device, plant, joint_map=device.joint_map(robot, names=names), **settings | dict(mistake.board))
+    fit(board)
     port: Any = Spoiled(board, mistake.spoil) if mistake.spoil else board
     taken = {joint: names[mistake.exchange.get(joint, joint)] for joint in names}
     joint_map = device.joint_map(robot, names=taken, **mistake.wrong)
@@ -452,7 +456,8 @@ MISTAKES = [
 
 def page() -> str:
     """The page of all mistakes, as docs/robots/mistakes.md has it."""
-    counts = ", ".join(f"{sum(one.robot == kind for one in MISTAKES)} on {kind}" for kind in ROBOTS)
+    kinds = [one.robot for one in MISTAKES]
+    counts = ", ".join(f"{kinds.count(kind)} on {kind}" for kind in dict.fromkeys(kinds))
     head = f"""# Mistakes that the check names
 
 `tests/robots/mistakes.py` seeds {len(MISTAKES)} mistakes between a program and its robot, {counts}:

@@ -123,15 +123,15 @@ def test_a_mistake_that_is_applied_to_what_it_does_gives_the_robot_back(seed: in
     candidates = Candidates(expected)
     every = [*candidates.exchanged(), *candidates.turned(), *candidates.units(), *candidates.limbs()]
     mistake = every[rng.integers(len(every))]
-    Q, V, A, T = rng.normal(size=(4, 12, 24))
-    true = Response(rng.normal(size=12), rng.normal(size=12), Q, V, A, T)
+    Q, V, A, S, T = rng.normal(size=(5, 12, 48))
+    true = Response(rng.normal(size=12), rng.normal(size=12), Q, V, A, S, T)
     order, scale, force = mistake.order, mistake.scale[:, None], mistake.force[:, None]
     read = Response(
         true.q[order] * mistake.scale + mistake.offset, true.tau[order] / mistake.force,
-        Q[order] * scale, V[order] * scale, A[order] * scale, T[order] / force,
+        Q[order] * scale, V[order] * scale, A[order] * scale, S[order] * np.sign(scale), T[order] / force,
     )  # fmt: skip
     back = mistake.applied(read)
-    for name in ("q", "tau", "Q", "V", "A", "T"):
+    for name in ("q", "tau", "Q", "V", "A", "S", "T"):
         np.testing.assert_allclose(getattr(back, name), getattr(true, name), rtol=1e-9)
 
 
@@ -155,8 +155,8 @@ def test_what_torques_do_not_show_is_said():
     robot = wbc.load("arm")
     expected = Expected(robot, np.eye(3))
     amplitude = 0.06 * np.eye(7)
-    Q = np.hstack([amplitude, 0.0 * amplitude])
-    rest = Response(robot.q0, np.zeros(7), Q, 0.0 * Q, -((5.0 * np.pi) ** 2) * Q, 0.0 * Q)
+    Q = np.hstack([amplitude, np.zeros((7, 21))])
+    rest = Response(robot.q0, np.zeros(7), Q, 0.0 * Q, -((5.0 * np.pi) ** 2) * Q, 0.0 * Q, 0.0 * Q)
     gear, offset = Candidates(expected).hidden(expected.ideal(rest), expected)
     assert "gear of" in gear and "wrist_roll" in gear and "elbow" not in gear
     assert "offset of" in offset and "shoulder_yaw" in offset and "wrist_roll" in offset and "elbow" not in offset

@@ -1,0 +1,88 @@
+"""A sound robot is not blamed for inertia, damping and friction of its motors; with them, no mistake passes as proven."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from wbc.robots import MotorBoard
+from wbc.robots.check import AMPLITUDE
+from wbc.types import Mat
+
+mujoco = pytest.importorskip("mujoco")
+pytestmark = pytest.mark.physics
+
+from tests.robots.examples import needs_examples  # noqa: E402 - needs the physics engine
+from tests.robots.mistakes import Seeded, checked  # noqa: E402
+
+
+def motors(board: MotorBoard, seed: int) -> Mat:
+    """Rotor inertia [kg m²], damping [N m s/rad] and dry friction [N m] (3, nj), over the decades that joints have.
+
+    The same for all joints if the seed is even; else each joint its own, inertias in proportion to torque limits.
+    Friction is at most half of what a motor gives at the amplitude of a check.
+    """
+    robot, rng = board.plant.model, np.random.default_rng([7, seed])
+    least, most = np.array([[1e-3], [0.01], [0.01]]), np.array([[1.0], [10.0], [2.0]])
+    drawn = np.ones((3, robot.nj)) * least * (most / least) ** rng.random((3, robot.nj if seed % 2 else 1))
+    if seed % 2:
+        drawn[0] *= robot.limits.tau_max / robot.limits.tau_max.max()
+    drawn[2] = np.minimum(drawn[2], 0.5 * AMPLITUDE * np.asarray(board.device.gains[0])[: robot.nj])
+    return drawn
+
+
+def fitted(seed: int) -> Callable[[MotorBoard], None]:
+    """Give a board such motors; its joints rest where a push from either side, and their friction, have left them."""
+
+    def fit(board: MotorBoard) -> None:
+        plant: Any = board.plant
+        drawn, index = motors(board, seed), [plant._bridge.velocity_index(i) for i in range(plant.model.nj)]
+        physics = plant.physics
+        physics.dof_armature[index], physics.dof_damping[index], physics.dof_frictionloss[index] = drawn
+        plant._damping = physics.dof_damping.copy()
+        mujoco.mj_setConst(physics, mujoco.MjData(physics))
+        board.hand[:] = np.random.default_rng(seed).choice([-1.5, 1.5], plant.model.nj) * drawn[2]
+        board.sleep(0.5)
+        board.hand[:] = 0.0
+        board.sleep(0.5)
+
+    return fit
+
+
+def _cases(count: int) -> list[object]:
+    return [
+        pytest.param(
+            kind, seed, marks=[needs_examples] * (kind == "panda") + [pytest.mark.deep] * (seed > 0 or kind == "panda")
+        )
+        for kind in ("franka", "panda", "go2")
+        for seed in range(count)
+    ]
+
+
+@pytest.mark.parametrize(("kind", "seed"), _cases(40))
+def test_a_sound_robot_is_not_blamed_for_its_motors(kind: str, seed: int):
+    found = checked(kind, seed, fit=fitted(seed))
+    assert found.ok, found
+
+
+WRONG = {
+    "franka": [("gear", joint, value) for joint in ("shoulder_yaw", "elbow", "wrist_pitch") for value in (0.5, 2.0)]
+    + [("offset", joint, value) for joint in ("shoulder_pitch", "elbow", "wrist_pitch") for value in (-0.4, 0.4)]
+    + [("sign", joint, -1) for joint in ("shoulder_yaw", "elbow", "wrist_roll")],
+    "go2": [("gear", f"front_left_{joint}", value) for joint in ("hip_roll", "knee") for value in (0.5, 2.0)]
+    + [("offset", f"rear_left_{joint}", value) for joint in ("hip_pitch", "knee") for value in (-0.4, 0.4)]
+    + [("sign", f"rear_right_{joint}", -1) for joint in ("hip_roll", "hip_pitch", "knee")],
+}
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    ("kind", "what", "joint", "value"), [(kind, *wrong) for kind, every in WRONG.items() for wrong in every]
+)
+def test_a_mistake_is_found_or_said_to_be_unproven(kind: str, what: str, joint: str, value: float, seed: int):
+    found = checked(kind, seed, Seeded("", kind, what, "", wrong={what: {joint: value}}), fit=fitted(seed))
+    assert not found.ok or any(what in text and joint in text for text in found.unproven), found
