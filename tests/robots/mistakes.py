@@ -98,7 +98,7 @@ class Seeded:
 def checked(
     kind: str, seed: int, mistake: Seeded | None = None, *, fit: Callable[[MotorBoard], None] = lambda board: None
 ) -> Checked:
-    """A check of a robot with noise, friction and masses of its own, drawn by ``seed``, its motors changed by ``fit``."""
+    """A check of a robot with noise, friction and masses of its own, drawn by ``seed``; ``fit`` changes its motors."""
     make, name = ROBOTS[kind]
     device, robot, rng = make(), wbc.load(name, base="fixed"), np.random.default_rng(seed)
     names = names_of(kind)

@@ -157,8 +157,9 @@ def test_what_torques_do_not_show_is_said():
     amplitude = 0.06 * np.eye(7)
     Q = np.hstack([amplitude, np.zeros((7, 21))])
     rest = Response(robot.q0, np.zeros(7), Q, 0.0 * Q, -((5.0 * np.pi) ** 2) * Q, 0.0 * Q, 0.0 * Q)
-    gear, offset = Candidates(expected).hidden(expected.ideal(rest), expected)
+    gear, unit, offset = Candidates(expected).hidden(expected.ideal(rest), expected)
     assert "gear of" in gear and "wrist_roll" in gear and "elbow" not in gear
+    assert "unit of" in unit and "wrist_roll" in unit and "elbow" not in unit
     assert "offset of" in offset and "shoulder_yaw" in offset and "wrist_roll" in offset and "elbow" not in offset
 
 

@@ -1,4 +1,4 @@
-"""A sound robot is not blamed for inertia, damping and friction of its motors; with them, no mistake passes as proven."""
+"""A sound robot is not blamed for inertia, damping and friction of its motors; mistakes never pass as proven."""
 
 from __future__ import annotations
 
@@ -7,9 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+import wbc
 from wbc.robots import MotorBoard
 from wbc.robots.check import AMPLITUDE
+from wbc.robots.response import Expected, Response, Weights
 from wbc.types import Mat
 
 mujoco = pytest.importorskip("mujoco")
@@ -17,6 +21,8 @@ pytestmark = pytest.mark.physics
 
 from tests.robots.examples import needs_examples  # noqa: E402 - needs the physics engine
 from tests.robots.mistakes import Seeded, checked  # noqa: E402
+
+ARM = wbc.load("arm")
 
 
 def motors(board: MotorBoard, seed: int) -> Mat:
@@ -60,6 +66,29 @@ def _cases(count: int) -> list[object]:
         for kind in ("franka", "panda", "go2")
         for seed in range(count)
     ]
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+def test_inertia_damping_and_friction_of_motors_are_told_apart(seed: int):
+    """Friction to a tenth, whatever the others are; the fit leaves no error."""
+    rng, expected = np.random.default_rng(seed), Expected(ARM, np.eye(3))
+    t, n = 1e-3 * np.arange(1200), ARM.nj
+    weights, omega = Weights(len(t), 1e-3, 2.5), 5.0 * np.pi
+    grows = np.minimum(1.0, 2.5 * t)
+    q = 0.03 * grows * np.sin(omega * t)
+    v, a = np.gradient(q, t), np.gradient(np.gradient(q, t), t)
+    inertia, damping, friction = 10.0 ** rng.uniform([-3.0, -2.0, -1.0], [0.0, 1.0, 0.3])
+    j = int(rng.integers(n))
+    gravity, G, M = expected.at(ARM.q0)
+    Q, V, A, S, T = np.zeros((5, n, 4 * n))
+    columns = slice(j, None, n)
+    Q[j, columns], V[j, columns], A[j, columns] = weights.phi @ q, -weights.first @ q, weights.second @ q
+    S[j, columns] = weights.signs(q)
+    T[:, columns] = (weights.phi @ (np.outer(q, G[:, j]) + np.outer(a, M[:, j]))).T
+    T[j, columns] += weights.phi @ (inertia * a + damping * v + friction * np.sign(v))
+    seen = Response(ARM.q0, gravity, Q, V, A, S, T)
+    assert abs(expected._fitted(seen)[1][j] - friction) < 0.1 * friction
+    assert expected.cost(seen) < 0.01
 
 
 @pytest.mark.parametrize(("kind", "seed"), _cases(40))

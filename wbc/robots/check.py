@@ -364,21 +364,23 @@ class _Check:
         return [int(k) for k in np.argsort(-(static + own + dynamic.max(axis=1)))]
 
     def _by_hand(self, alike: list[Mistake]) -> None:
-        moved: dict[str, tuple[str, float]] = {}
+        names, moved = self.robot.joint_names, dict[str, tuple[str, float]]()
+        if self.hands is None:
+            for kind in dict.fromkeys(mistake.kind for mistake in alike):
+                of = {name for mistake in alike if mistake.kind == kind for name in mistake.joints}
+                which = ", ".join(name for name in names if name in of)
+                text = f"not shown by torques, and nobody moves the robot: the {kind} of {which}"
+                self.result.unproven.append(text)
+            return
         for mistake in alike:
             joint = mistake.joints[0]
             if any(name in moved for name in mistake.joints) and mistake.kind == "order":
                 joint = next(name for name in mistake.joints if name in moved)
-            if self.hands is None:
-                text = f"not shown by torques, and nobody moves the robot: whether {mistake.sentence}"
-                self.result.unproven.append(text)
-                continue
             if joint not in moved:
                 moved[joint] = self._feel(joint)
         wrong = [(joint, seen) for joint, (seen, way) in moved.items() if seen != joint or way < 0.0]
         if not wrong:
             return
-        names = self.robot.joint_names
         fits = [one for one in alike if all(one.shows(joint, *told, names) for joint, told in moved.items())]
         if fits:
             self.result.add(fits[0].kind, fits[0].sentence, fits[0].joints)

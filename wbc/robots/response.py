@@ -85,7 +85,8 @@ class Weights:
         """∫ φ sign(q̇) (4,) of positions (N,)."""
         ends = np.pad(q, self._half, "edge")
         change = ends[2 * self._half :] - ends[: -2 * self._half]
-        return self.phi @ np.clip(change / (_STILL * np.abs(change).max() + 1e-12), -1.0, 1.0)
+        signs: Vec = self.phi @ np.clip(change / (_STILL * np.abs(change).max() + 1e-12), -1.0, 1.0)
+        return signs
 
 
 @final
@@ -308,9 +309,11 @@ class Candidates:
         return [] if 0.8 < best < 1.25 else [read(best)]
 
     def hidden(self, seen: Response, expected: Expected) -> list[str]:
-        """What torques do not show of a robot that is as ``seen``: gears and offsets of light joints."""
+        """What torques do not show of a robot that is as ``seen``: gears, units and offsets of light joints."""
         found = []
-        for what, name, sizes in (("gear", "scale", (0.5, 2.0)), ("offset", "offset", (-0.3, 0.3))):
+        degree = np.pi / 180.0
+        wrong = {"gear": ("scale", 0.5, 2.0), "unit": ("scale", degree, 1.0 / degree), "offset": ("offset", -0.3, 0.3)}
+        for what, (name, *sizes) in wrong.items():
             joints = [
                 self.names[i]
                 for i in range(self.n)
