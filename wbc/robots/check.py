@@ -7,7 +7,7 @@
     turn      the robot is turned by hand about three axes: order of the quaternion, mounting and units of the IMU
 
 Joints that the model cannot tell apart by their torques are moved by hand, one of each kind. What is wrong is one
-sentence each; what rotors and friction hide is ``unproven``. The base is fixed: it hangs or lies. Not tried on hardware.
+sentence each; what rotors and friction hide stays unproven. The base is fixed: it hangs or lies. Not tried on hardware.
 """
 
 from __future__ import annotations
