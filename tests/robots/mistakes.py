@@ -102,7 +102,7 @@ def checked(
     make, name = ROBOTS[kind]
     device, robot, rng = make(), wbc.load(name, base="fixed"), np.random.default_rng(seed)
     names = names_of(kind)
-    dt = 1e-3 if kind == "franka" else 2e-3
+    dt = 1.0 / device.rate
     plant = MujocoPlant(robot, dt=dt, settings=PhysicsSettings(armature=0.01, joint_friction=0.02, joint_damping=0.05))
     plant.physics.body_mass[:] *= rng.uniform(0.95, 1.05, plant.physics.nbody)
     plant.reset(np.clip(robot.q0 + rng.uniform(-0.1, 0.1, robot.nj), robot.limits.q_min, robot.limits.q_max))
