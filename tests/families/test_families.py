@@ -105,10 +105,10 @@ def test_a_joint_that_all_but_does_not_matter_to_a_level_is_held_by_what_it_does
     assert judge(control, command, optimum=True).word != "wrong"
 
 
-@pytest.mark.parametrize("case", [21000402, 21000723, 21000891, 1131007710, 1147003513])
+@pytest.mark.parametrize("case", [21000402, 21000723, 21000891, 1147003513])
 def test_a_contact_that_all_but_does_not_matter_to_a_level_leaves_the_levels_below_free(case: int) -> None:
     """Feet in one line, or all but without friction: their pushes are as small as what rounding makes of them. The last
-    two were wrong without fused multiply-adds, as on processors that have none."""
+    one was wrong without fused multiply-adds, as on processors that have none."""
     control, q, v, _ = legs.draw(case)
     for tick in range(2):
         command = control.tick(1e-3 * tick, q, v)
