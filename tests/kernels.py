@@ -3,9 +3,9 @@
 OpenBLAS has its own products for each family of processors, and numba compiles for the one it finds. Both differ in the
 last bits. Each family of OpenBLAS that this processor can run has a run, except the one that it picks by itself, which
 `make test` runs. The last run is under the oldest of these families, with numba aimed at any x86-64 processor, as on a
-processor that has no more; its kernels raise where an index is beyond an array, since raw addresses have
-no bounds. It tries all folders below; the others try those of the solvers and methods. Arguments are passed on to
-pytest: `-n 2 --dist loadfile` runs two processes at a time.
+processor that has no more; its kernels raise where an index is beyond an array, since raw addresses have no bounds. It
+tries all folders below; the others try those of the solvers and methods. Arguments are passed on to pytest: `-n 2
+--dist loadfile` runs two processes at a time.
 
 The exit status is 1 if a run fails, and 0 else.
 """

@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 from abc import ABCMeta
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from inspect import Parameter, Signature, signature
 from typing import TYPE_CHECKING, Any
 
-from wbc.errors import InvalidInput, UnknownName
+from wbc.errors import InvalidInput, UnknownPart
 
 
-class UnknownArgument(UnknownName, TypeError):
+class UnknownArgument(UnknownPart, TypeError):
     """The constructor has no argument of this name."""
 
     kind = "argument"
 
-    def __init__(self, name: str, available: Iterable[str], owner: str) -> None:
-        self.owner = owner
-        super().__init__(name, available)
-
     def _sentence(self) -> str:
-        said = f"{self.owner}: {super()._sentence()}"
+        said = super()._sentence()
         return f"{said} It takes {', '.join(self.available)}" if self.near and len(self.available) > 1 else said
 
 

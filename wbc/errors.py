@@ -108,6 +108,17 @@ class UnknownAttribute(UnknownName, AttributeError):  # type: ignore[misc]  # bo
     kind = "attribute"
 
 
+class UnknownPart(UnknownName):
+    """A name that ``owner`` does not have."""
+
+    def __init__(self, name: str, available: Iterable[str], owner: str) -> None:
+        self.owner = owner
+        super().__init__(name, available)
+
+    def _sentence(self) -> str:
+        return f"{self.owner}: {super()._sentence()}"
+
+
 class NotCompiled(WbcError, AttributeError):
     """What follows from the robot, asked of a member that no plan has been made with."""
 

@@ -305,6 +305,23 @@ def test_a_stop_holds_the_robot_where_it_is() -> None:
 
 
 def test_a_released_joint_is_braked_where_it_leaves_its_limits_and_is_not_thrown_back() -> None:
+    """−kd v is asked of it there; kp (limit − q) is not."""
+    observer = MomentumObserver(gain=100.0, threshold=0.3, persistence=2)
+    reaction = FaultReaction(observer, table=[When("total", [Release()], joints=[SHOULDER])], start=0.0, recheck=1e3)
+    stack = wbc.Stack([Posture(ARM.q0, weight=1e-6), reaction.limits], components=[observer, reaction])
+    controller = wbc.Controller(ARM, stack, level=wbc.InverseDynamics())
+    plant = ForwardDynamicsPlant(ARM)
+    simulate(controller, plant, duration=0.05, disturbances=[ActuatorFault(joint=SHOULDER)])
+    rng = np.random.default_rng(1)
+    for k in range(30):
+        q, v = plant.q + 0.1 * rng.standard_normal(ARM.nj), 0.5 * rng.standard_normal(ARM.nv)
+        limit, side = ((ARM.limits.q_max[1], 1.0), (ARM.limits.q_min[1], -1.0))[k % 2]
+        q[1] = limit + side * rng.uniform(0.01, 0.5)
+        a = controller.tick(plant.t + k * controller.dt, q, v).a
+        assert a[1] == pytest.approx(-40.0 * v[1], rel=1e-2, abs=0.1)
+
+
+def test_only_released_joints_beyond_their_limits_count() -> None:
     free, _ = driven([When("total", [Release()])], duration=1.2)
     observer = MomentumObserver(gain=100.0)
     limits = FaultReaction(observer).limits

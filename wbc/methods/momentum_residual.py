@@ -126,12 +126,8 @@ class MomentumResidual:
         before, residual = self._started()
         size = len(before)
         p, beta, tau = (checks.array(name, value, (size,)) for name, value in (("p", p), ("beta", beta), ("tau", tau)))
-        share = self._share
-        if dt is None:
-            dt = self.dt
-        else:
-            dt = checks.number("dt", dt, low=0.0, strict=True)
-            share = self._share_of(dt)
+        dt = self.dt if dt is None else checks.number("dt", dt, low=0.0, strict=True)
+        share = self._share if dt == self.dt else self._share_of(dt)
         missing = tau - beta - (p - before) / dt
         if rows is not None:
             missing = checks.array("rows", rows, (size, size)) @ missing
@@ -149,10 +145,12 @@ class MomentumResidual:
                 f"{name} is {self.gain.flat[i]:g}, so {name} dt is {product.flat[i]:g}; the scheme 'euler' is stable"
                 " below 2, 'exact' and 'implicit' always"
             )
-        shares: dict[str, Vec] = {
-            "exact": -np.expm1(-product), "euler": product, "implicit": product / (1.0 + product)
-        }  # fmt: skip
-        return shares[self.scheme]
+        share: Vec = product
+        if self.scheme == "exact":
+            share = -np.expm1(-product)
+        elif self.scheme == "implicit":
+            share = product / (1.0 + product)
+        return share
 
     def _started(self) -> tuple[Vec, Vec]:
         if self._momentum is None or self._residual is None:

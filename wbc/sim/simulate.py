@@ -99,7 +99,8 @@ def simulate(
     meta = {} if meta is None else checks.instance("meta", meta, Mapping, "a mapping of names")
     recorder = checks.truth("recorder", recorder)
     disturbances = listed(disturbances)
-    ticks = _ticks(controller, plant, duration)
+    check_fit(controller, plant)
+    ticks = _ticks(plant, duration)
     feedback = driver.feedback if isinstance(driver, Setpoint) else "measured"
     if feedback == "commanded" and plant.takes == "torque":
         raise InvalidInput(
@@ -214,9 +215,8 @@ class _Columns(_FewColumns):
         row |= self._plant.truth()
 
 
-def _ticks(controller: Controller, plant: Plant, duration: float) -> int:
+def _ticks(plant: Plant, duration: float) -> int:
     checks.number("duration", duration, low=0.0, strict=True)
-    check_fit(controller, plant)
     ticks = round(duration / plant.dt)
     if ticks < 1:
         raise InvalidInput(f"duration is {duration:g} s, shorter than one tick of {plant.dt:g} s")
@@ -242,9 +242,9 @@ def check_fit(controller: Controller, plant: Plant) -> None:
         )
     if missing := plant.missing(controller.plans.whole.plan.stack.contacts):
         warnings.warn(
-            f"the stack has the contacts {', '.join(missing)} and this {type(plant).__name__} has not: nothing there "
-            "pushes on the robot. Write MujocoPlant(robot, contacts=stack.contacts)",
-            MissingContact, stacklevel=4,
+            f"this {type(plant).__name__} lacks contacts of the stack, {', '.join(missing)}: nothing there pushes on "
+            "the robot. Write MujocoPlant(robot, contacts=stack.contacts)",
+            MissingContact, stacklevel=3,
         )  # fmt: skip
 
 

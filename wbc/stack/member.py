@@ -19,22 +19,15 @@ import numpy as np
 
 from wbc import checks
 from wbc.arguments import TellsArguments
-from wbc.errors import InvalidInput, MemberFailed, NotCompiled, UnknownAttribute, UnknownName, WbcError
+from wbc.errors import InvalidInput, MemberFailed, NotCompiled, UnknownAttribute, UnknownName, UnknownPart, WbcError
 from wbc.models.model import RobotModel
 from wbc.stack.target import Target
 
 
-class UnknownSetting(UnknownAttribute):
+class UnknownSetting(UnknownPart, UnknownAttribute):  # type: ignore[misc]  # as UnknownAttribute
     """The object has no attribute of this name that could be assigned."""
 
     kind = "setting"
-
-    def __init__(self, name: str, available: Iterable[str], owner: str) -> None:
-        self.owner = owner
-        super().__init__(name, available)
-
-    def _sentence(self) -> str:
-        return f"{self.owner}: {super()._sentence()}"
 
 
 #: Held while the copies of a member are listed: another thread may be making a controller with it.

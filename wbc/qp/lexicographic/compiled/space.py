@@ -309,7 +309,7 @@ def begin_here(at: int) -> None:
 def narrow(at: int, m: int, tolerance: float) -> int:
     """Keep only what the m rows in ``C`` leave, and turn V; how many of them did not depend on others.
 
-    In ``v`` stands what rounding leaves of each row. What it leaves of those before it is in the rest of a row, too.
+    ``v`` holds the rounding of each row. That of the rows eliminated before adds to it in the rest of a row.
     """
     w = space(at)
     n, free = w.sizes[Size.N], w.sizes[Size.FREE]
