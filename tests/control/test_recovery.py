@@ -19,6 +19,7 @@ from tasks import (
     TorqueLimits,
     feet,
 )
+from tests.families.oracle import Constraints, least_squares
 from tests.reliability.faults import A_MAX, FAULTS, V_MAX, Saboteur, excess, limited, sabotaged
 from wbc.control.fallback import Fallback
 from wbc.errors import InvalidInput
@@ -234,6 +235,34 @@ def test_from_outside_joint_limits_weak_motors_do_what_they_can():
     assert (command.status, command.fallback_level) == (Status.INFEASIBLE, "relaxed")
     assert command.certificate.ok
     assert np.abs(command.tau).max() <= 10.0
+
+
+@pytest.mark.parametrize("kp", [1.0, 100.0, 1e4, 1e6])
+@pytest.mark.parametrize("seed", range(3))
+def test_limits_are_relaxed_as_little_as_can_be_however_hard_targets_pull(kp: float, seed: int):
+    rng = np.random.default_rng(seed)
+    q = np.clip(ARM.q0 + rng.uniform(-0.5, 0.5, ARM.nj), ARM.limits.q_min, ARM.limits.q_max)
+    state = ARM.state()
+    state.update(0.0, q, STILL)
+    weak = TorqueLimits(0.5 * np.abs(state.h) + 0.1)
+    stack = wbc.Stack(
+        [Posture(q + rng.uniform(-2.0, 2.0, ARM.nj), kp=kp)], subject_to=[JointAccelerationLimits(1.0), weak]
+    )
+    control = wbc.Controller(ARM, stack, level=wbc.InverseDynamics())
+    command = control.tick(0.0, q, STILL)
+    assert command.fallback_level == "relaxed" and command.certificate.ok
+    qp, n = control.qp, control.qp.n
+    slack = np.maximum(np.abs(command.a) - 1.0, 0.0)
+    # the oracle: x and the slacks of the bounds on x, of which nothing but the slacks counts
+    rows = np.block([[qp.C, np.zeros((len(qp.C), n))], [np.eye(n), -np.eye(n)]])
+    within = Constraints(
+        np.hstack([qp.A, np.zeros((len(qp.A), n))]), qp.b, rows,
+        np.concatenate([qp.cl, qp.lb]), np.concatenate([qp.cu, qp.ub]),
+    )  # fmt: skip
+    slacks = np.hstack([np.zeros((n, n)), np.eye(n)])
+    least = least_squares(slacks, np.zeros(n), within, np.ones(2 * n))
+    assert least is not None and slack.max() > 1.0
+    assert slack @ slack == pytest.approx(least.x[n:] @ least.x[n:], rel=1e-2)
 
 
 def test_without_limits_nothing_but_the_problem_itself_is_solved():

@@ -63,7 +63,7 @@ def test_arms_that_can_hold_themselves_up_stay_within_their_limits(seed: int, tm
     kept(robot, tau_max, seed, 150)
 
 
-@pytest.mark.parametrize("seed, ticks", [(101, 830), (183, 200)])
+@pytest.mark.parametrize("seed, ticks", [(101, 830), (183, 1000)])
 def test_a_way_to_rest_that_no_longer_fits_is_looked_for_anew(seed: int, ticks: int, tmp_path: Path) -> None:
     """Joints that stop sooner than the way found before says need more torque; of the second arm no way fits at all."""
     robot, tau_max = arm(seed, tmp_path, share=np.random.default_rng(seed).uniform(0.3, 0.9))

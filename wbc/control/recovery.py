@@ -58,7 +58,7 @@ WEAKER = (NOT_CERTIFIED, NOT_OPTIMISED, WEIGHTED)
 _HUGE = 1.0 / ROUNDING
 #: How well a closed form meets its rows, in their units.
 _PRECISE = DISTANCE * MET
-#: What the largest curvature of the cost counts beside a unit of violation.
+#: What the largest curvature of the cost counts beside a unit of violation, and its pull beside the largest of them.
 _SHARE = 1e-3
 _OF_RELAXED = ("pdas", "clarabel")
 
@@ -252,11 +252,13 @@ class FallbackSequence:
                     return None
                 if solved:
                     if plan.stopping is not None:
-                        bounds = plan.joint_bound_rows
+                        bounds, least = plan.joint_bound_rows, found[-1]
                         asked = np.array(bounds)
-                        plan.stopping.keep(plan, self._controller.state, solve)
+                        is_safe = plan.stopping.keep(plan, self._controller.state, solve)
                         for bound, was in zip(bounds, asked, strict=True):
                             bound[:] = was  # the reports name the limits of the tick, not those for braking
+                        if not is_safe:  # narrower bounds had to be relaxed more, for nothing
+                            self._accept(least, found)
                     self._controller.why = _said_relaxed(
                         plan, self._controller.state, sorted(items), found[-1].x[: plan.problem.n]
                     )
@@ -266,19 +268,26 @@ class FallbackSequence:
     def _solve_relaxed(self, solver: Solver, items: list[int], share: float, found: list[Solution]) -> bool:
         """Solve the plan's problem with these rows relaxed; an answer goes into the plan's memory and to ``found``.
 
-        What is left of exact tasks damps the joints, as what is left of tasks does, in a second problem.
+        A second problem follows where a far target pulls hard, so that violations are least also then, and where exact
+        tasks are relaxed: what is left of them damps the joints, as what is left of tasks does.
         """
         plan, model = self._controller.plan, self._controller.model
-        qp = relaxed(plan.qp, items, share=share)
+        qp, n = relaxed(plan.qp, items, share=share), plan.problem.n
         session = solver.open(qp.shape)
         if not self._accept(session.solve(qp), found):
             return False
+        x = found[-1].x
+        pull, most = np.abs(qp.H[:n] @ x + qp.g[:n]).max(), _SHARE * max(1.0, np.abs(x[n:]).max())
         weight, rate = plan.damping.of_exact.now()
+        if pull > most:
+            qp.H[:n] *= most / pull
+            qp.g[:n] *= most / pull
         if weight.any():
             joints = np.arange(model.nb, model.nv)
             qp.H[joints, joints] += weight
             if plan.level.order == 2:
                 qp.g[joints] += weight * rate * self._controller.state.v_joints
+        if pull > most or weight.any():
             self._accept(session.solve(qp), found)
         return True
 

@@ -250,21 +250,21 @@ class Stopping:
         return -most * D, left
 
     # ---- what a tick may decide
-    def keep(self, plan: Filled, state: RobotState, solve: Callable[[], bool]) -> None:
+    def keep(self, plan: Filled, state: RobotState, solve: Callable[[], bool]) -> bool:
         """Narrow the bounds of the accelerations, and ``solve`` again, until the decision in the plan's memory is safe.
 
         ``solve`` leaves a decision within the bounds there and says whether it could. The last bounds leave the first
         acceleration of a way to rest alone. It is looked for anew from this state, since the one found with an earlier
         decision was checked at its own moments only. While limits of a joint are lifted nothing is narrowed: that joint
-        has no way to rest, and the others count on the constant B.
+        has no way to rest, and the others count on the constant B. False: not even the last decision is safe.
         """
         if plan.applied.lifts:
-            return
+            return True
         self._load = _Load(*plan.torque_range, plan.extra_bias, plan.applied.inertia)
         self._late = self._in_time
         if self._is_safe_after(plan, state) or (self._find_late(state) and self._is_safe_after(plan, state)):
             self._share = 1.0
-            return
+            return True
         lower, upper = plan.joint_bound_rows
         low, high = lower.copy(), upper.copy()
         wanted = plan.problem.value[plan.layout.motion_items].copy()
@@ -285,9 +285,11 @@ class Stopping:
                 if not solve() and plan.unlimited_joints(low, high):  # nor is it relaxed
                     lower[:], upper[:] = low, high
                     solve()
-                return
-            if share == 0.0 or self._is_safe_after(plan, state):
-                return
+                return False
+            if self._is_safe_after(plan, state):
+                return True
+            if share == 0.0:
+                return False
             share = 0.25 * share if share > _LEAST_SHARE else 0.0
 
     def _find_late(self, state: RobotState) -> bool:
