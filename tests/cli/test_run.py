@@ -75,8 +75,8 @@ SENTENCES = {
     "no such name in the file": (["run", "{file}:wavy"], "there is no scenario 'wavy'; did you mean 'wave'"),
     "something else in the file": (["run", "{file}:not_a_scenario"], "not_a_scenario is a int, not a"),
     "no such solver": (["run", "{file}:wave", "--solver", "pdass"], "there is no solver 'pdass'; did you mean 'pdas'"),
-    "no such plant": (["run", "{file}:wave", "--plant", "moon"], "no plant 'moon'; there are: integrator, paper"),
-    "no such hierarchy": (["run", "{file}:wave", "--hierarchy", "strictly"], "no hierarchy 'strictly'"),
+    "no such plant": (["run", "{file}:wave", "--plant", "moon"], "paper (the plants of the scenario 'wave')"),
+    "no such hierarchy": (["run", "{file}:wave", "--hierarchy", "strictly"], "of the scenario 'wave')"),
     "no such robot": (
         ["run", "{file}:wave", "--set", "robot=humanoyd"],
         "no robot 'humanoyd'; did you mean 'humanoid'",
@@ -226,9 +226,30 @@ def test_an_error_in_the_judge_is_named_and_keeps_the_runs(wbc, tmp_path, judge:
 
 def test_an_error_before_any_run_leaves_nothing(wbc, tmp_path):
     (tmp_path / "own.py").write_text(f"{JUDGES}        1 / 0\n")
-    with pytest.raises(ZeroDivisionError):
-        wbc("run", "own.py:Reach", "--out", "report")
+    answer = wbc("run", "own.py:Reach", "--out", "report")
+    assert answer.code == 2 and "ZeroDivisionError" in answer.err
     assert not (tmp_path / "report").exists()
+
+
+BREAKS = """
+class Breaks(wbc.Component):
+    def before(self, state, last, plan):
+        raise ValueError("no signal")
+"""
+
+
+@pytest.mark.parametrize(("members", "kept"), [
+    ("components=[Breaks()]", False),
+    ("subject_to=[JointVelocityLimits(0.1), Position('tool', target=[9.0, 0.0, 0.0], name='far').exactly()]", True),
+])  # fmt: skip
+def test_the_qp_of_a_failure_is_named_where_it_was_written(wbc, tmp_path, members: str, kept: bool):
+    """A tick in which a component failed has no QP."""
+    own = JUDGES.replace("\nclass", f"{BREAKS}\nclass").replace("subject_to=[JointVelocityLimits()]", members)
+    verdict = "from wbc.tasks.scenarios import judge; return judge.verdict(list(trials), [])"
+    (tmp_path / "own.py").write_text(f"{own}        {verdict}\n")
+    answer = wbc("run", "own.py:Reach", "--out", "report")
+    assert (tmp_path / "report" / "failed.npz").is_file() is kept, answer.err
+    assert ("its QP: wbc explain report/failed.npz" in answer.out) is ("wbc explain" in answer.out) is kept
 
 
 def test_ctrl_c_while_the_report_is_drawn_keeps_the_run(wbc, waving, tmp_path, monkeypatch: pytest.MonkeyPatch):
@@ -280,12 +301,10 @@ def test_the_package_of_the_command_line_runs_as_the_command_does(tmp_path):
     assert done.returncode == 0 and done.stdout.strip()
 
 
-def test_a_bug_keeps_its_traceback_and_leaves_nothing(wbc, waving, tmp_path, monkeypatch):
-    monkeypatch.setattr(sys, "argv", ["wbc", "run", waving, "--set", "ends=with a bug"])
-    with pytest.raises(RuntimeError, match="a bug"):
-        from wbc.cli import main
-
-        main()
+def test_a_bug_keeps_its_traceback_leaves_nothing_and_is_no_verdict(wbc, waving, tmp_path):
+    """Exit code 1 says that a demand was not met."""
+    answer = wbc("run", waving, "--set", "ends=with a bug")
+    assert answer.code == 2 and "Traceback" in answer.err and "RuntimeError: a bug" in answer.err
     assert list(tmp_path.iterdir()) == []
 
 

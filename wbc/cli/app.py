@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import warnings
+from traceback import print_exc
 from typing import Annotated, Any
 
 import typer
@@ -63,4 +64,7 @@ def run_app() -> None:
         complaint: Any = error
         verb = "wbc" if complaint.ctx is None else complaint.ctx.command_path
         complain(f"{complaint.format_message().rstrip('.')} (see {verb} --help)")
+        sys.exit(BAD_INPUT)
+    except Exception:  # a bug, ours or the user's: Python's own exit code, 1, would be that of a verdict
+        print_exc()
         sys.exit(BAD_INPUT)

@@ -221,5 +221,6 @@ def _print(sentence: str, result: ScenarioResult, folder: Path, *, show: bool) -
     say(sentence, "", made, "")
     failure = result.run.meta.get("failure")
     if failure:
-        say(f"{failure['why']}\nwbc explain {folder / FAILED_FILE} tells more", "")
+        where = "" if result.run.failed is None else f"\nits QP: wbc explain {folder / FAILED_FILE}"
+        say(f"{failure['why']}{where}", "")
     reported(folder / HTML, show=show)

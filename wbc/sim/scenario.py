@@ -282,9 +282,9 @@ class Scenario(ABC):
             UnknownPlant, UnknownHierarchy: not one of this scenario's.
         """
         if plant is not None and plant not in self.plants:
-            raise UnknownPlant(plant, self.plants)
+            raise UnknownPlant(plant, self.plants, f"the plants of the scenario {self.name!r}")
         if hierarchy is not None and hierarchy not in self.hierarchies:
-            raise UnknownHierarchy(hierarchy, self.hierarchies)
+            raise UnknownHierarchy(hierarchy, self.hierarchies, f"the hierarchies of the scenario {self.name!r}")
         return {
             "plant": plant or self.plants[0],
             "hierarchy": hierarchy or self.hierarchies[0],
