@@ -10,7 +10,16 @@ import numpy as np
 import pytest
 
 import wbc
-from tasks import CenterOfMass, JointPositionLimits, JointVelocityLimits, Position, Posture, TorqueLimits
+from tasks import (
+    CenterOfMass,
+    Damping,
+    Frame,
+    JointPositionLimits,
+    JointVelocityLimits,
+    Position,
+    Posture,
+    TorqueLimits,
+)
 from tests.stack.conftest import moving, standing
 from wbc.control.answer import distances
 from wbc.errors import InvalidInput, NotSupported, UnknownContact, UnknownSolver, WbcError
@@ -94,9 +103,17 @@ def test_what_is_left_of_a_level_is_weighted_and_called_so(arm: Any, weight: flo
     control = wbc.Controller(arm, levels, level=wbc.VelocityLevel(), hierarchy=wbc.Strict())
     control.tick(0.0, arm.q0, np.zeros(7))
     said = control.explain()
-    (of_level,) = re.findall(r"2\. Posture: optimal, weighted residual ([\d.e+-]+)", said)
+    (of_level,) = re.findall(r"2\. Posture: weighted residual ([\d.e+-]+), the least possible \(optimal\)", said)
     (of_task,) = re.findall(r"  Posture: error .* residual ([\d.e+-]+) rad/s", said)
     assert float(of_level) == pytest.approx(weight**0.5 * float(of_task), rel=0.01)
+
+
+def test_a_task_has_all_the_units_of_its_rows(arm: Any) -> None:
+    stack = wbc.Stack([Frame("tool", target=np.eye(4)), Position("elbow", target=np.zeros(3)), Damping(weight=1e-3)])
+    control = wbc.Controller(arm, stack, level=wbc.VelocityLevel())
+    control.tick(0.0, arm.q0, np.zeros(7))
+    units = {task.name: task.unit for task in control.qp.tasks}
+    assert units["Frame[tool]"] == "m/s, rad/s" and units["Position[elbow]"] == "m/s" and units["Damping"] == "rad/s"
 
 
 def test_wrong_shapes_and_types_raise(arm: Any) -> None:

@@ -49,7 +49,7 @@ def shares(controller: Solving) -> list[Share]:
         else:
             residual = p.x[task.unknowns] * p.scale[task.unknowns] - task.wanted
         cost = 0.5 * float((task.weights * residual**2).sum())
-        found.append(Share(task.name, norms(_units(p, task), residual), cost))
+        found.append(Share(task.name, norms(p.units_of(task), residual), cost))
     return found
 
 
@@ -90,7 +90,7 @@ def norms(units: Sequence[str], values: Vec) -> dict[str, float]:
 
 def units(problem: RowProblem) -> dict[str, str]:
     """The unit of each task's rows, as in ``"m/s²"``; more than one are listed."""
-    return {task.name: ", ".join(dict.fromkeys(_units(problem, task))) for task in _tasks(problem)}
+    return {task.name: problem.unit_of(task) for task in _tasks(problem)}
 
 
 def distances(problem: RowProblem, bounds: Mapping[str, float]) -> dict[str, float]:
@@ -125,12 +125,6 @@ def _distance(task: RowTask, bounds: Mapping[str, float]) -> float:
 
 def _tasks(problem: RowProblem) -> list[RowTask]:
     return [task for level in problem.levels for task in level]
-
-
-def _units(problem: RowProblem, task: RowTask) -> list[str]:
-    at = task.rows or task.unknowns
-    assert at is not None, "it is about rows or unknowns"
-    return [row.unit for row in (problem.rows if task.rows else problem.rows[problem.n_rows :])[at]]
 
 
 def _bounded(controller: Solving) -> tuple[Vec, Vec, Vec]:

@@ -158,10 +158,19 @@ class RowProblem:
             counts = np.flatnonzero(task.weights)
             if task.rows is not None:
                 own = counts + task.rows.start
-                found.append(Objective(task.name, rows[own], -right[own], self.rows[task.rows.start].unit))
+                found.append(Objective(task.name, rows[own], -right[own], self.unit_of(task)))
             elif task.unknowns is not None:
                 own = counts + task.unknowns.start
                 target = self.centre[own - self.n_u] * self.scale[own]
-                unit = self.rows[self.n_rows + task.unknowns.start].unit
-                found.append(Objective(task.name, np.eye(self.n)[own], target, unit))
+                found.append(Objective(task.name, np.eye(self.n)[own], target, self.unit_of(task)))
         return found
+
+    def units_of(self, task: RowTask) -> list[str]:
+        """The unit of each of a task's rows."""
+        at, rows = (task.rows, self.rows) if task.rows else (task.unknowns, self.rows[self.n_rows :])
+        assert at is not None, "it is about rows or unknowns"
+        return [row.unit for row in rows[at]]
+
+    def unit_of(self, task: RowTask) -> str:
+        """The unit of a task's rows, as in ``"m/s²"``; more than one are listed."""
+        return ", ".join(dict.fromkeys(self.units_of(task)))

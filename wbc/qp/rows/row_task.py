@@ -53,5 +53,6 @@ class Outcome(NamedTuple):
     certificate: Certificate
 
     def __str__(self) -> str:
-        left = "" if self.how == "met" or self.residual != self.residual else f", weighted residual {self.residual:.3g}"
-        return f"{' + '.join(self.tasks) or 'regularisation'}: {self.how}{left}"
+        how = self.how if self.residual != self.residual else f"{self.how}, weighted residual {self.residual:.3g}"
+        said = {"met": self.how, "optimal": f"weighted residual {self.residual:.3g}, the least possible (optimal)"}
+        return f"{' + '.join(self.tasks) or 'regularisation'}: {said.get(self.how, how)}"
