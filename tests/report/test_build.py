@@ -222,6 +222,13 @@ def test_the_bar_of_a_demand_ends_on_its_own_side_of_the_bound(relation: str, bo
     assert (bar.end < bar.mark) == (check.value < bound)
 
 
+@pytest.mark.parametrize("relation", ["<", "<=", "=", ">=", ">"])
+@pytest.mark.parametrize("value", [-0.3, 0.0, 0.3])
+def test_the_bar_of_a_demand_for_a_sign_ends_on_the_side_of_the_value(relation: str, value: float):
+    bar = verdict.margin(Check("it", value, relation, 0.0))
+    assert bar.mark is not None and np.sign(bar.end - bar.mark) == np.sign(value)
+
+
 @pytest.mark.parametrize(("slow", "mood"), [(0, "good"), (1, "doubtful"), (60, "bad")])
 def test_late_ticks_are_seen_at_the_top(slow: int, mood: str):
     run = standing_run()

@@ -43,6 +43,19 @@ def test_a_limit_of_a_sliding_joint_is_broken_by_metres_and_newtons(excess: floa
         assert broken[kind] == (pytest.approx(excess), unit)
 
 
+@given(joint=st.integers(0, 29), kind=st.sampled_from(["torque", "joint velocity", "joint position"]))
+def test_a_kept_limit_has_the_unit_of_the_joint_that_came_nearest(joint: int, kind: str):
+    run = standing_run()
+    run.meta["joint_units"] = ["m" if i == joint else "rad" for i in range(30)]
+    bound = measure.limits(run)
+    run.columns["tau"][3, joint] = bound["tau_max"][joint] - 1e-9
+    run.columns["plant.v"][3, 6 + joint] = bound["v_max"][joint] - 1e-9
+    run.columns["plant.q"][3, 7 + joint] = bound["q_max"][joint] - 1e-9
+    found = measure.excesses(run)[kind]
+    assert measure.place(run, found.values, 0.0, found.parts).part == run.meta["joint_names"][joint]
+    assert measure.violations(run)[kind] == (0.0, found.units[joint]) and found.units.count(found.units[joint]) == 1
+
+
 def test_a_commanded_force_outside_its_cone_is_reported_in_newton():
     run = standing_run()
     run.columns["f.Sole[left_sole]"][3] = [FRICTION * 100.0 + 7.0, 0.0, 100.0, 0.0, 0.0, 0.0]

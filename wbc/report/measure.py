@@ -219,7 +219,7 @@ def violations(run: Run) -> dict[str, tuple[float, str]]:
     """{kind: (worst, unit)}: by how much each limit of :func:`excesses` was exceeded at worst, 0 if never."""
     broken = {}
     for kind, found in excesses(run).items():
-        worst = np.nan_to_num(found.values, nan=-np.inf).max(axis=0, initial=0.0)
+        worst = np.nan_to_num(found.values, nan=-np.inf).max(axis=0, initial=-np.inf)
         broken[kind] = float(worst.max(initial=0.0)), found.units[int(worst.argmax())] if found.units else ""
     return broken
 

@@ -27,7 +27,9 @@ def section(result: ScenarioResult) -> Section | None:
         strips.append(Strip(f"{len(names) - MOST} other rows", measure.intervals(run, others)))
     if strips:
         caption = "Click to see the active constraints of that tick and their multipliers."
-        items.append(Plot("limits", "Times of activity", "", t, strips=strips, caption=caption, wide=True))
+        items.append(
+            Plot("limits", "When each constraint was active", "", t, strips=strips, caption=caption, wide=True)
+        )
     costs = [Curve(task, share) for task, share in shares(run).items()]
     if len(costs) > 1:
         caption = "Share of each task in the cost ½ Σ wᵢ rᵢ² of the solution: the tasks that were not met."

@@ -80,7 +80,7 @@ def margin(check: Check) -> Bar:
     """How far the value is on the way to its bound, or beyond it."""
     value, bound = float(check.value), float(check.bound)
     if bound == 0.0 or not np.isfinite(value) or not np.isfinite(bound):
-        return Bar(0.0, BOUND if check.relation == "=" and check.ok else float(not check.ok), "", BOUND, check.ok)
+        return Bar(0.0, BOUND if value == bound else float(not value < bound), "", BOUND, check.ok)
     share = 1.0 + (value - bound) / abs(bound)
     text = percent(share) if share < 10.0 else f"{rounded(share)} times"
     return Bar(0.0, min(max(BOUND * share, 0.0), 1.0), text if bound > 0.0 else "", BOUND, check.ok)
