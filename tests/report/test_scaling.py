@@ -19,10 +19,22 @@ from wbc.report.scaling import scaled
 from wbc.report.scaling.page import page, plots
 from wbc.report.scaling.slope import Slope
 from wbc.sim.scenario import find
+from wbc.stack.component import Component
 from wbc.stack.stack import Stack
 
 KEYS = {"axis", "size", "kind", "form", "tick_us", "p99_us", "variables", "equalities", "rows", "active", "guessed",
         "solved"}  # fmt: skip
+
+
+class Once(Component):
+    """Fails in the twelfth tick of a run."""
+
+    def reset(self, *_: object) -> None:
+        self.ticks = 0
+
+    def before(self, *_: object) -> None:
+        self.ticks += 1
+        assert self.ticks != 12
 
 
 class Chain(Growing):
@@ -88,9 +100,26 @@ def test_times_are_logarithmic_though_a_size_is_zero():
     assert plot.log == "y" and not plot.zero
 
 
+def test_a_size_of_which_one_tick_failed_is_not_solved():
+    class Failing(Chain):
+        """Its last tick is solved."""
+
+        def problem(self, size: int) -> tuple[Any, Stack]:
+            robot, stack = super().problem(size)
+            return robot, Stack(stack.tasks, components=[Once()])
+
+    assert not any(row["solved"] for row in scaled([Failing()], ticks=4, repeats=1))
+
+
+def test_the_summary_says_times_to_their_digits_and_what_there_is_none_of():
+    assert "0 to 2 a: 5.6 to 5.7 µs." in page(made({"chosen": [5.6, 5.7], "standard": [9, 9]}, sizes=(0, 2))).summary
+    assert "Fewer than two sizes" in page(made({"chosen": [5.6], "standard": [9]}, sizes=(1,))).summary
+
+
 def test_where_a_form_does_not_pay_is_said():
     assert "it is slower at 4, 8" in payoff(made({"chosen": [1, 1, 30, 90], "standard": [10, 10, 10, 10]}))
-    assert "is faster at every size" in payoff(made({"chosen": [1, 1, 3, 9], "standard": [10, 10, 10, 10]}))
+    gains = payoff(made({"chosen": [1, 1, 3, 9.8], "standard": [10, 10, 10, 9.5]}))
+    assert gains == "a: the chosen form (dual) is 0.97 to 10.00 times as fast as the standard form."
     assert "no size was solved" in payoff(made({"chosen": [1] * 4, "standard": [1] * 4}, solved=False))
 
 

@@ -138,6 +138,15 @@
     if (last - first < 4) return [...Array(last - first + 2).keys()].flatMap((k) => [1, 2, 3, 4, 5, 6, 7, 8, 9].map((m) => m * 10 ** (first - 1 + k))).filter((v) => v >= low * 0.999 && v <= high * 1.001);
     return [...Array(last - first + 1).keys()].filter((k) => k % step === 0).map((k) => 10 ** (first + k));
   };
+  const labelled = (u, splits, axis, space) => {  // 1, 2 and 5 times a power, while there is room
+    let last = Infinity;
+    return splits.map((v) => {
+      if (splits.length > 6 && !/^[125](\.0+)?e/.test(v.toExponential())) return null;
+      const at = u.valToPos(v, axis ? "y" : "x"), free = Math.abs(at - last) > (axis ? 12 : 26) || last === Infinity;
+      if (free) last = at;
+      return free ? v : null;
+    });
+  };
   function rectangle(u, start, end, top, bottom, fill) {
     const left = Math.max(u.valToPos(start, "x", true), u.bbox.left);
     const right = Math.min(u.valToPos(end, "x", true), u.bbox.left + u.bbox.width);
@@ -178,12 +187,12 @@
       scales: {
         x: { time: false, distr: spec.log.includes("x") ? 3 : 1, range: (u, low, high) => {
           if (low === first && high === final) { low = Math.min(low, ...across); high = Math.max(high, ...across); }
-          return spec.log.includes("x") ? uPlot.rangeLog(low, high, 10, false) : [low, high];
+          return spec.log.includes("x") && !spec.dots ? uPlot.rangeLog(low, high, 10, false) : [low, high];
         } },
         y: { distr: spec.log.includes("y") ? 3 : 1, range },
       },
-      axes: [{ ...axis, ...(spec.log.includes("x") ? { splits: powers } : {}), size: 28, space: 60, values: (_, ticks) => ticks.map((v) => (v == null ? "" : short(v))) },
-             { ...axis, ...(spec.log.includes("y") ? { splits: powers } : {}), size: 58, grid: { show: !spec.strips.length, stroke: line, width: 1 }, ticks: { show: !spec.strips.length, stroke: line, width: 1, size: 4 },
+      axes: [{ ...axis, ...(spec.log.includes("x") ? { splits: spec.dots ? () => x : powers, filter: labelled } : {}), size: 28, space: 60, values: (_, ticks) => ticks.map((v) => (v == null ? "" : short(v))) },
+             { ...axis, ...(spec.log.includes("y") ? { splits: powers, filter: labelled } : {}), size: 58, grid: { show: !spec.strips.length, stroke: line, width: 1 }, ticks: { show: !spec.strips.length, stroke: line, width: 1, size: 4 },
                values: (_, ticks) => ticks.map((v) => (v == null || spec.strips.length ? "" : short(v))) }],
       series: [
         { label: spec.over, value: (_, v) => reduced(v) },
@@ -202,7 +211,7 @@
         y: false, drag: { x: true, y: false, dist: 4 },
         sync: spec.time ? { key: "time", scales: ["x", null], filters: { sub: (type) => type === "mousemove" && visible.get(box) } } : undefined,
       },
-      legend: { show: !spec.strips.length },
+      legend: { show: !spec.strips.length, markers: { dash: (u, k) => (u.series[k].dash ? "dashed" : "solid") } },
       hooks,
     }, [x, ...columns, ...(spec.strips.length ? [x.map(() => null)] : [])], box);
     box.plot = u;

@@ -11,14 +11,15 @@ import numpy as np
 
 from wbc import checks
 from wbc.control.controller import Controller
+from wbc.control.recorder import Run
 from wbc.errors import InvalidInput
 from wbc.qp.rows import RowProblem, RowSolver, RowTask
 from wbc.qp.rows.standard import StandardSolver
 from wbc.qp.solver import Solver
+from wbc.report import measure
 from wbc.sim.bench import least
 from wbc.sim.scenario import Progress, Scenario, Setup, silent
 from wbc.stack.hierarchy import Hierarchy, Pulls, Rank, Weighted
-from wbc.types import Vec
 
 #: The first ticks find cold memory, and no active set.
 WARM_UP = 10
@@ -68,19 +69,19 @@ def _measured(setup: Setup, ticks: int, repeats: int, solver: str) -> list[dict[
     kinds: Mapping[str, Hierarchy] = {"chosen": Weighted(), "standard": InStandardForm()}
     setups = {kind: replace(setup, hierarchy=hierarchy) for kind, hierarchy in kinds.items()}
     controllers = {kind: one.controller(solver) for kind, one in setups.items()}
-    times: dict[str, list[Vec]] = {kind: [] for kind in kinds}
+    runs: dict[str, list[Run]] = {kind: [] for kind in kinds}
     plant, duration = setup.plant, (ticks + WARM_UP) * setup.plant.dt
     q, v = plant.q, plant.v
     for _ in range(repeats):
         for kind, controller in controllers.items():
             plant.reset(q, v)
             trial = setups[kind].run(duration=duration, controller=controller, recorder=False)
-            times[kind].append(trial.run["tick_us"])
-    return [_row(kind, controllers[kind], times[kind]) for kind in kinds]
+            runs[kind].append(trial.run)
+    return [_row(kind, controllers[kind], runs[kind]) for kind in kinds]
 
 
-def _row(kind: str, controller: Controller, times: list[Vec]) -> dict[str, Any]:
-    found = least(times, WARM_UP)
+def _row(kind: str, controller: Controller, runs: Sequence[Run]) -> dict[str, Any]:
+    found = least([run["tick_us"] for run in runs], WARM_UP)
     qp = controller.qp
     return {
         "kind": kind,
@@ -92,7 +93,7 @@ def _row(kind: str, controller: Controller, times: list[Vec]) -> dict[str, Any]:
         "rows": qp.shape.n_in,
         "active": int(controller.active_count),
         "guessed": _plain(controller.counts.first / max(controller.counts.total, 1)),
-        "solved": bool(controller.status.ok),
+        "solved": all(bool(measure.solved(run).all()) for run in runs),
     }
 
 

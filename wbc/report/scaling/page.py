@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from wbc.report.document import Cell, Curve, Plot, Report, Section, Table, Text, percent
+from wbc.report.document import Cell, Curve, Plot, Report, Section, Table, Text, number, percent
 from wbc.report.scaling.slope import Slope, slope
 from wbc.report.sections.settings import measured
 from wbc.types import Vec
@@ -61,8 +61,8 @@ def _summary(rows: Sequence[Row], names: Sequence[str]) -> str:
         good = np.isfinite(y)
         if good.sum() > 1:
             first, last = np.flatnonzero(good)[[0, -1]]
-            parts.append(f"{x[first]:.0f} to {x[last]:.0f} {name}: {y[first]:.0f} to {y[last]:.0f} µs")
-    return "Median tick of a controller. " + "; ".join(parts) + "."
+            parts.append(f"{x[first]:.0f} to {x[last]:.0f} {name}: {number(y[first])} to {number(y[last])} µs")
+    return f"Median tick of a controller. {'; '.join(parts) or 'Fewer than two sizes were solved'}."
 
 
 def plots(
@@ -86,16 +86,17 @@ def exponents(rows: Sequence[Row], kinds: Mapping[str, str]) -> Table:
         ends = [float(finite[0]), float(finite[-1])] if finite.size else [None, None]
         fitted = [None if fit is None else str(fit) for fit in (exponent(x, y), slope(x, y))]
         found.append([name, label, *fitted, *ends])
-    columns = ("axis", "", "exponent, larger half", "exponent, all", "smallest [µs]", "largest [µs]")
+    columns = ("axis", "", "exponent, larger half", "exponent, all", "at the smallest [µs]",
+               "at the largest [µs]")  # fmt: skip
     note = "Exponent p of time ∝ sizeᵖ by least squares on logarithms, with Student's 95 % interval; without size zero."
     return Table(columns, found, note)
 
 
 def _payoff(rows: Sequence[Row], name: str) -> str:
-    """Up to which size the chosen form is the faster one."""
+    """How much faster the chosen form is, and where it is slower."""
     x, chosen = curve(rows, name, "chosen")
     _, standard = curve(rows, name, "standard")
-    forms = "/".join(dict.fromkeys(row["form"] for row in rows if row["axis"] == name and row["kind"] == "chosen"))
+    forms = ", ".join(dict.fromkeys(row["form"] for row in rows if row["axis"] == name and row["kind"] == "chosen"))
     gain = standard / chosen
     both = np.isfinite(gain)
     if not both.any():
@@ -103,18 +104,20 @@ def _payoff(rows: Sequence[Row], name: str) -> str:
     if forms == "standard":
         return f"{name}: the standard form is the one that is chosen."
     slower = np.flatnonzero(both & (gain < 1.0 - _EQUAL))
-    span = f"{np.nanmin(gain):.2f} to {np.nanmax(gain):.2f} times as fast as the standard form"
-    if not slower.size:
-        return f"{name}: the {forms} form is faster at every size, {span}."
-    at = ", ".join(f"{x[i]:.0f}" for i in slower)
-    return f"{name}: the {forms} form is {span}; it is slower at {at}."
+    at = f"; it is slower at {', '.join(f'{x[i]:.0f}' for i in slower)}" if slower.size else ""
+    span = f"{np.nanmin(gain):.2f} to {np.nanmax(gain):.2f}"
+    return f"{name}: the chosen form ({forms}) is {span} times as fast as the standard form{at}."
+
+
+def _form(row: Row) -> str:
+    return f"{KINDS[row['kind']]}: {row['form']}" if row["kind"] == "chosen" else KINDS[row["kind"]]
 
 
 def _table(rows: Sequence[Row]) -> Table:
     columns = ("axis", "size", "form", "tick, median [µs]", "p99 [µs]", "variables", "equalities", "rows", "active",
                "active set kept", "solved")  # fmt: skip
     cells = [
-        (row["axis"], row["size"], row["form"], row["tick_us"], row["p99_us"], row["variables"], row["equalities"],
+        (row["axis"], row["size"], _form(row), row["tick_us"], row["p99_us"], row["variables"], row["equalities"],
          row["rows"], row["active"], percent(row["guessed"]), row["solved"])
         for row in rows
     ]  # fmt: skip
