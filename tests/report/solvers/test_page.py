@@ -14,16 +14,19 @@ import pytest
 
 from tests.report.browser import browser, installed
 from tests.report.solvers.conftest import CLASSES, Compared
+from tests.report.solvers.strange import Lying
 from tests.report.test_formats import Page
 from wbc.errors import InvalidInput
 from wbc.qp import QP
-from wbc.report.document import Plot, Report, Table
+from wbc.qp.solvers import by_name
+from wbc.report.document import Marked, Plot, Report, Table
 from wbc.report.html import html
 from wbc.report.markdown import markdown
 from wbc.report.packed import data as data_of
 from wbc.report.solvers import redraw
 from wbc.report.solvers.advice import advice
 from wbc.report.solvers.data import read
+from wbc.report.solvers.loop import closed_loop
 from wbc.report.solvers.page import page
 
 
@@ -127,6 +130,40 @@ def test_a_solver_with_which_the_robot_fails_is_not_advised_for_it(compared: Com
     for loop in data["loops"]:
         loop["ok"] = loop["solver"] != use
     assert {use, advised(data)["reach"]} == {"pdas", "osqp"}
+
+
+def test_ticks_that_another_solver_solved_are_said(compared: Compared):
+    """The controller goes on with its fallback where a solver fails, and the robot meets every demand."""
+    reach = f"{Path(__file__).with_name('reaching.py')}:reach"
+    way, how = (
+        {"way": 0.25, "good": True, "robot": "arm"},
+        {"plant": "integrator", "hierarchy": "weighted", "duration": 0.02},
+    )
+    loops = [closed_loop(reach, way, how, solver) for solver in (by_name("daqp"), Lying())]
+    assert [loop["ok"] for loop in loops] == [True, True]
+    assert loops[0]["helped"] == 0.0 and loops[1]["helped"] > 0.5
+    data = copy.deepcopy(compared.data)
+    for loop in data["loops"]:
+        loop["helped"] = 0.25 * (loop["solver"] == "osqp")
+    text = page(data).items
+    assert any("another solver had to solve ticks of osqp" in getattr(item, "text", "") for item in text)
+    (table, *_) = tables(page(data), "In the closed loop")
+    told = {row[0]: row[table.columns.index("by another")] for row in table.rows}
+    assert told == {"pdas": "0 %", "osqp": Marked("25 %", "bad")}
+
+
+@pytest.mark.parametrize("period", [5e-4, 2e-3, None])
+def test_solves_are_compared_with_the_period_of_the_controller(compared: Compared, period: float | None):
+    data = quiet(compared)
+    about = next(s for s in data["sets"] if s["name"] == "reach")
+    about["period"] = period
+    for m in data["measures"]:
+        m["total_us"] = [t and 1500.0 for t in m["total_us"]]
+    said = "75 % of a period of 2 ms" if period == 2e-3 else f"misses a period of {1e3 * (period or 1e-3):g} ms"
+    assert said in advice(data, about).sentence
+    table = next(t for t in tables(page(data), "reach") if "compared on" in t.columns)
+    late = table.rows[0][table.columns.index(f"over {1e3 * (period or 1e-3):g} ms")]
+    assert (late == 0) is (period == 2e-3)
 
 
 def quiet(compared: Compared, rounds: list[float] | None = None) -> dict[str, Any]:

@@ -11,7 +11,6 @@ import numpy as np
 from wbc.report.document import Cell, Marked, percent, short
 from wbc.report.solvers.data import Data
 from wbc.report.solvers.statistics import (
-    PERIOD,
     TARGET,
     Measure,
     best_classes,
@@ -20,6 +19,7 @@ from wbc.report.solvers.statistics import (
     main_mode,
     measures,
     percentiles,
+    period_of,
     ratio,
     ratio_of_rounds,
 )
@@ -182,10 +182,9 @@ def _sentence(about: Data, use: Measure, following: Measure | None) -> str:
     if lies:
         words.append(f"{lies} answers that it calls solved are not that good")
     if about["kind"] == "sequence":
-        words.append(
-            f"its slowest solve takes {percent(top / PERIOD)} of a 1 ms period"
-            if top <= PERIOD else f"but its slowest solve, {_us(top)}, misses a 1 ms period"
-        )  # fmt: skip
+        period = period_of(about)
+        part = f"takes {percent(top / period)} of" if top <= period else f"takes {_us(top)} and misses"
+        words.append(f"the slowest solve of {use.solver} {part} a period of {1e-3 * period:g} ms")
     return "; ".join(words) + "."
 
 

@@ -23,7 +23,8 @@ def failed(data: Data) -> list[tuple[str, int, str, str]]:
             continue
         for i, word in enumerate(measure["status"]):
             if word != "SOLVED":
-                what = measure["lost"].get(str(i)) or word.replace("_", " ").lower()
+                ended, _, error = word.partition(" ")
+                what = measure["lost"].get(str(i)) or f"{ended.replace('_', ' ').lower()} {error}".rstrip()
                 found.append((measure["set"], i, measure["solver"], what))
     return found
 
@@ -78,9 +79,10 @@ def _limits(data: Data) -> list[str]:
         "end's own. An active-set solver (pdas, daqp, quadprog) is not faster at a looser tolerance: it stops at a "
         "vertex.",
         "One certificate judges all solvers: violations of rows in their own units, and the bound on the distance "
-        "from the optimum. Solutions of first-order and interior-point methods are refined once with their active "
-        "rows, and the certificate judges the refined solution. A solver with another stopping criterion may miss "
-        "1e-9 by a small factor.",
+        "from the optimum. A solution that is not a hundred times finer than the tolerance is refined once with its "
+        "active rows, whichever solver gave it, and the certificate judges the refined solution: accuracy and time are "
+        "those of solver and refinement together. A solver with another stopping criterion may miss 1e-9 by a small "
+        "factor.",
     ]
     once = [s["name"] for s in data["solvers"] if not s["repeatable"]]
     if once:

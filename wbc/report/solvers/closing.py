@@ -20,11 +20,13 @@ def section(data: Data) -> Section:
 def _summary(name: str, loops: Sequence[Data]) -> str:
     ran = [loop for loop in loops if loop["error"] is None]
     good = [loop for loop in ran if loop["ok"]]
-    refused = list(dict.fromkeys(loop["solver"] for loop in loops if loop["error"] is not None))
+    without = list(dict.fromkeys(loop["solver"] for loop in loops if loop["error"] is not None))
+    helped = list(dict.fromkeys(loop["solver"] for loop in ran if loop["helped"]))
     bad = [f"{loop['solver']} at {loop['class']}" for loop in ran if not loop["ok"]]
     words = [f"{name}: {len(good)} of {len(ran)} runs met every demand of the scenario"]
     words += [f"not met by {', '.join(bad)}"] if bad else []
-    words += [f"{', '.join(refused)} refused to run (reasons below)"] if refused else []
+    words += [f"another solver had to solve ticks of {', '.join(helped)}"] if helped else []
+    words += [f"no run with {', '.join(without)} (reasons below)"] if without else []
     return "; ".join(words) + "."
 
 
@@ -39,16 +41,17 @@ def _tables(loops: Sequence[Data]) -> Iterator[Table]:
     rows: list[list[Cell]] = []
     for loop in ran:
         rows.append([
-            loop["solver"], loop["class"], loop["ok"], _share(loop), _worst_tracking(loop, ran, tasks),
+            loop["solver"], loop["class"], loop["ok"], _share(loop), _helped(loop), _worst_tracking(loop, ran, tasks),
             _over(loop["jerk"], jerks), *loop["tick_us"],
             Marked(str(loop["late"]), "bad") if loop["late"] else 0,
         ])  # fmt: skip
-    columns = ("solver", "requested", "verdict", "ticks solved", "tracking", "jerk",
+    columns = ("solver", "requested", "verdict", "ticks solved", "by another", "tracking", "jerk",
                "tick p50 [µs]", "p99 [µs]", "max [µs]", "late ticks")  # fmt: skip
     note = (
-        "Tracking: largest ratio of a task's rms error to the smallest of all runs. Jerk: rms change of the commanded "
-        "joint acceleration, over the smallest of all runs. Late: ticks longer than the period. Each solver ran once, "
-        "so the largest tick time may be the machine's."
+        "By another: ticks that the solver failed and the controller's fallback solved. Tracking: largest ratio of a "
+        "task's rms error to the smallest of all runs. Jerk: rms change of the commanded joint acceleration, over the "
+        "smallest of all runs. Late: ticks longer than the period. Each solver ran once, so the largest tick time may "
+        "be the machine's."
     )
     if rows:
         yield Table(columns, [row for row in rows if row[1] == ran[0]["class"]], note)
@@ -59,16 +62,20 @@ def _tables(loops: Sequence[Data]) -> Iterator[Table]:
             for loop in ran
         ]  # fmt: skip
         heads = [f"{kind} [{units[kind]}]" for kind in kinds]
-        details = ("solver", "requested", *heads, "jerk [rad/s³]",
+        details = ("solver", "requested", *heads, "jerk [rad/s³ or m/s³]",
                    *(f"{task}, rms" for task in tasks), "ended")  # fmt: skip
         yield Table(details, detail, "Largest violations of limits, smoothness and tracking", folded=True)
     failed = [[loop["solver"], loop["class"], loop["error"]] for loop in loops if loop["error"] is not None]
     if failed:
-        yield Table(("solver", "requested", "reason"), failed, "Runs that were refused", folded=True)
+        yield Table(("solver", "requested", "reason"), failed, "Runs that did not begin or did not end", folded=True)
 
 
 def _share(loop: Data) -> str:
     return "–" if loop["solved"] is None or not loop["ticks"] else percent(loop["solved"] / loop["ticks"])
+
+
+def _helped(loop: Data) -> Cell:
+    return Marked(percent(loop["helped"]), "bad") if loop["helped"] else "0 %"
 
 
 def _violation(loop: Data, kind: str) -> float | None:

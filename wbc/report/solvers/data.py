@@ -15,7 +15,7 @@ from wbc.report.solvers.problems import ProblemSet
 from wbc.report.solvers.request import Request
 from wbc.sim.provenance import load
 
-FORMAT = 3
+FORMAT = 4
 Data = dict[str, Any]
 
 

@@ -83,6 +83,10 @@ def _tiles(data: Data, advised: list[Advice]) -> list[Tile]:
     tiles.append(Tile("solves judged", f"{solves:,}".replace(",", " ")))
     wrong = sum(m["status"].count("INACCURATE") for m in data["measures"] if m["class"] == "default")
     tiles.append(
-        Tile("wrong solutions reported as solved, at default settings", str(wrong), "bad" if wrong else "good")
+        Tile(
+            "wrong solutions, called solved or nearly solved, at default settings",
+            str(wrong),
+            "bad" if wrong else "good",
+        )
     )
     return tiles

@@ -11,7 +11,6 @@ from wbc.report.document import Bound, Cell, Curve, Item, Marked, Plot, Section,
 from wbc.report.solvers.data import Data
 from wbc.report.solvers.problems import slug
 from wbc.report.solvers.statistics import (
-    PERIOD,
     TARGET,
     Measure,
     best_classes,
@@ -19,6 +18,7 @@ from wbc.report.solvers.statistics import (
     main_mode,
     measures,
     percentiles,
+    period_of,
     profile,
     ratio,
     tolerance_of,
@@ -38,7 +38,7 @@ def section(data: Data, about: Data) -> Section:
     order = {m.solver: i for i, m in enumerate(chosen)}
     found = sorted(found, key=lambda m: order[m.solver])  # the sort is stable: classes stay in order
     items: list[Item] = [Text(_about(about)), _profile(about, chosen), _reached(about, chosen)]
-    items += [_success(data, found, mode), _times(chosen, mode), _accuracy(about, chosen)]
+    items += [_success(data, found, mode), _times(about, chosen, mode), _accuracy(about, chosen)]
     items += [_pairs(chosen)] if len(chosen) > 1 else []
     items += [_cold_against_warm(data, about, chosen)] if mode == "warm" else []
     return Section(about["name"], [*items, _every_class(data, found), _accuracy_of_classes(about, found)])
@@ -110,7 +110,8 @@ def _success(data: Data, found: Sequence[Measure], mode: str) -> Table:
         rows.append([solver, *(_solved(data, own[name]) for name in classes), sum(m.lost for m in own.values())])
     note = (
         f"Solved ({mode}): the certificate holds at the requested tolerance; for the default class at 1e-6. Wrong: the "
-        "back end reports solved and the certificate fails. Lost: hangs and crashes of all classes."
+        "back end says solved, or nearly solved, and the certificate fails, after refinement too. Lost: hangs and "
+        "crashes of all classes."
     )
     return Table(["solver", *(f"at {name}" if name != "default" else name for name in classes), "lost"], rows, note)
 
@@ -124,19 +125,20 @@ def _wrong(data: Data, m: Measure) -> Any:
     return m.says_solved & ~m.holds(tolerance_of(data, m.asked))
 
 
-def _times(chosen: Sequence[Measure], mode: str) -> Table:
-    reference = chosen[0]
+def _times(about: Data, chosen: Sequence[Measure], mode: str) -> Table:
+    reference, period = chosen[0], period_of(about)
     rows: list[list[Cell]] = []
     for m in chosen:
         times = m.times(TARGET)
-        late, rounds = int((times[np.isfinite(times)] > PERIOD).sum()), between_rounds(m)
+        late, rounds = int((times[np.isfinite(times)] > period).sum()), between_rounds(m)
         factor, common = ratio(times, reference.times(TARGET))
         rows.append([
             m.solver, m.asked, int(np.isfinite(times).sum()), *percentiles(times), factor, common,
             Marked(str(late), "bad") if late else 0, None if rounds is None else percent(rounds - 1.0),
         ])  # fmt: skip
     columns = ("solver", "requested", "solved to 1e-6", "p50 [µs]", "p99 [µs]", "max [µs]",
-               f"times {reference.solver}", "compared on", "over 1 ms", "rounds differ by")  # fmt: skip
+               f"times {reference.solver}", "compared on", f"over {1e-3 * period:g} ms",
+               "rounds differ by")  # fmt: skip
     note = (
         f"Time of a whole solve, {mode}, of the problems that are solved to 1e-6; each solver in its best class. The "
         f"ratio to {reference.solver} is the geometric mean over the problems that both solved."
