@@ -146,6 +146,24 @@ def test_what_was_drawn_is_an_axis_with_its_unit(forces: list[dict[str, Any]]):
     )
 
 
+def test_a_bound_that_differs_from_run_to_run_is_each_runs_own(forces: list[dict[str, Any]]):
+    """Of a demand such as "rms < 3 % of the way"; a value that is no number is not met."""
+    for result in forces:
+        error = result["demands"][0]
+        error["bound"] = 1e-2 * result["run"] + (5e-3 if result["run"] % 2 else -5e-3)
+        error["ok"] = error["value"] < error["bound"]
+    forces[1]["demands"][0] |= {"value": None, "ok": False}
+    report = summary(HEADER, forces)
+    (row,) = (row for i in report.items if isinstance(i, Table) and i.columns[0] == "demand" for row in i.rows[:1])
+    assert row[:2] == ["error", "< -0.005 to 0.075 m"] and row[2].text == "37.5 %" and row[5] == 0.07
+    scatter = next(i for i in report.items if isinstance(i, Plot) and i.name == "value-0")
+    met, missed, bound = (np.isfinite(curve.values).tolist() for curve in scatter.curves)
+    odd = [bool(k % 2) for k in range(8)]
+    assert met == [on and k > 1 for k, on in enumerate(odd)] and missed == [not on for on in odd] and all(bound)
+    assert not scatter.bounds and figures(HEADER, forces)["demands"][0]["bound"] is None
+    assert not next(i for i in report.items if isinstance(i, Plot) and i.name == "demand-0").bounds
+
+
 def test_nothing_stands_twice_and_rounding_is_no_picture(forces: list[dict[str, Any]]):
     report = summary(HEADER, forces)
     shown = [item for item in report.items if isinstance(item, Plot) and item.name.startswith("demand")]

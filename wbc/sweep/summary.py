@@ -28,7 +28,7 @@ from wbc.report.document import (
 )
 from wbc.report.folder import HTML
 from wbc.report.sections.settings import figure_name, measured
-from wbc.sim.scenario import RELATIONS, Check
+from wbc.sim.scenario import Check
 from wbc.sweep.plan import SEED
 from wbc.types import Vec
 
@@ -43,20 +43,33 @@ _SAME, _VISIBLE = 1e-6, 1e-3
 @final
 @dataclass(frozen=True)
 class Demand:
-    """A demand of the scenario and what came out in each run: ``values`` (N,), NaN where a run did not end."""
+    """A demand of the scenario and what came out in each run: ``values`` and ``bounds`` (N,), NaN where a run did not
+    end, and whether it was met, None there."""
 
     text: str
     relation: str
-    bound: float
     unit: str
     values: Vec
-    met: Sequence[bool]
+    bounds: Vec
+    held: Sequence[bool | None]
+
+    @property
+    def met(self) -> list[bool]:
+        """Whether it was met in each run that ended."""
+        return [held for held in self.held if held is not None]
+
+    @property
+    def bound(self) -> float | None:
+        """The bound of every run; None where runs have different ones."""
+        own = np.unique(self.bounds[np.isfinite(self.bounds)])
+        return float(own[0]) if len(own) == 1 else None
 
     @property
     def varies(self) -> bool:
         """Whether runs differ by more than a thousandth of the bound."""
         finite = self.values[np.isfinite(self.values)]
-        return bool(finite.size and np.ptp(finite) > _VISIBLE * max(abs(self.bound), float(np.abs(finite).max())))
+        largest = float(np.abs(np.nan_to_num([*finite, *self.bounds])).max(initial=0.0))
+        return bool(finite.size and np.ptp(finite) > _VISIBLE * largest)
 
 
 def summary(header: dict[str, Any], results: Sequence[Result], folder: Path | None = None) -> Report:
@@ -135,14 +148,15 @@ def reasons(result: Result) -> list[str]:
 
 
 def demands(results: Sequence[Result]) -> list[Demand]:
-    """Every demand of the scenario over all runs; one whose bound differs from run to run has the first one's."""
+    """Every demand of the scenario over all runs."""
     by_text = [{d["demand"]: d for d in r.get("demands", ())} for r in results]
     found = []
     for text in dict.fromkeys(text for one in by_text for text in one):
         said = next(one[text] for one in by_text if text in one)
-        values = np.array([_number(one.get(text, {}).get("value")) for one in by_text])
-        met = [bool(one[text]["ok"]) for one in by_text if text in one]
-        found.append(Demand(text, said["relation"], _number(said["bound"]), said["unit"], values, met))
+        said_of = [one.get(text, {}) for one in by_text]
+        values, bounds = (np.array([_number(one.get(key)) for one in said_of]) for key in ("value", "bound"))
+        held = [bool(one[text]["ok"]) if text in one else None for one in by_text]
+        found.append(Demand(text, said["relation"], said["unit"], values, bounds, held))
     return found
 
 
@@ -193,12 +207,13 @@ def _demands(found: Sequence[Demand]) -> Iterator[Item]:
         return
     rows: list[list[Cell]] = []
     for one in found:
-        sign = Check(one.text, 0.0, one.relation, one.bound).sign
+        sign = Check(one.text, 0.0, one.relation, 0.0).sign
         met = percent(float(np.mean(one.met)))
-        all_met = all(one.met)
-        bound = f"{sign} {number(one.bound)} {one.unit}".rstrip()
-        rows.append([one.text, bound, met if all_met else Marked(met, "bad"), *_spread(one.values)])
-    yield Table(("demand", "bound", "met", "least", "median", "largest"), rows, "Over all runs that ended.")
+        bounds = dict.fromkeys(number(x) for x in _spread(one.bounds)[::2])
+        bound = f"{sign} {' to '.join(bounds)} {one.unit}".rstrip()
+        rows.append([one.text, bound, met if all(one.met) else Marked(met, "bad"), *_spread(one.values)])
+    note = "Over all runs that ended. A value that is not a number meets no demand, and is not in the columns behind."
+    yield Table(("demand", "bound", "met", "least", "median", "largest"), rows, note)
     for k, one in enumerate(found):
         if one.varies:
             yield _histogram(f"demand-{k}", one)
@@ -209,14 +224,15 @@ def _histogram(name: str, one: Demand) -> Plot:
     finite = one.values[np.isfinite(one.values)]
     bars, edges = np.histogram(finite, bins=min(_BARS, max(5, len(finite) // 2)))
     width, count = edges[1] - edges[0], len(bars)
-    before, after = (max(0, int(np.ceil(gap / width))) for gap in (edges[0] - one.bound, one.bound - edges[-1]))
+    at = float(edges[0]) if one.bound is None else one.bound
+    before, after = (max(0, int(np.ceil(gap / width))) for gap in (edges[0] - at, at - edges[-1]))
     if max(before, after) <= count:
         edges = edges[0] + width * np.arange(-before, count + after + 1)
         bars = np.pad(bars, (before, after))
     curve = Curve("runs", np.append(np.where(bars > 0, bars, np.nan), np.nan))
     over = f"value [{one.unit}]" if one.unit else "value"
-    bound = Bound(one.bound, "bound", "x")
-    return Plot(name, one.text, "runs", edges, [curve], [bound], over=over, bars=True, zero=True)
+    bounds = [] if one.bound is None else [Bound(one.bound, "bound", "x")]
+    return Plot(name, one.text, "runs", edges, [curve], bounds, over=over, bars=True, zero=True)
 
 
 def _spread(values: Vec) -> list[float]:
@@ -282,11 +298,14 @@ def _dependence(results: Sequence[Result], found: Sequence[Demand]) -> Iterator[
         centres = np.array([float(x[part].mean()) for part in parts])
         yield Plot(f"share-{k}", "Went well", "%", centres, curves, over=name, zero=True, dots=True)
         if missed is not None and missed.varies:
-            held = np.array([RELATIONS[missed.relation](value, missed.bound) for value in missed.values])
+            held = np.array([bool(one) for one in missed.held])
             met = [Curve(word, np.where(held == which, missed.values, np.nan)[order])
                    for word, which in (("met", True), ("not met", False))]  # fmt: skip
-            yield Plot(f"value-{k}", missed.text, missed.unit, x[order], met, [Bound(missed.bound, "bound")],
-                       over=name, dots=True, lines=False)  # fmt: skip
+            if missed.bound is None:
+                met.append(Curve("bound of the run", missed.bounds[order], faint=True))
+            bounds = [] if missed.bound is None else [Bound(missed.bound, "bound")]
+            yield Plot(f"value-{k}", missed.text, missed.unit, x[order], met, bounds, over=name, dots=True,
+                       lines=False)  # fmt: skip
 
 
 def _axes(results: Sequence[Result]) -> Iterator[tuple[str, Vec]]:
