@@ -208,7 +208,11 @@ def test_the_verdict_tells_what_led_to_the_first_failure(standing: ScenarioResul
     standing.run.columns["active.row"][40] = np.nan  # at 0.4 s nothing is active
     broken = [event for event in story(replace(standing, verdict=[slipped], ok=False)) if event.kind == "row"]
     assert broken and all(event.label.endswith("is active, 2 times") for event in broken)
-    assert "no certified answer" not in labels  # of the tick long before the push
+    assert "no certified solution" not in labels  # of the tick long before the push
+    standing.run.columns["status"][[40, 41, 50]] = 1
+    (unsolved,) = (e for e in story(replace(standing, verdict=[slipped], ok=False)) if e.kind == "status")
+    assert unsolved.label == "no certified solution, 2 times"
+    assert (unsolved.start, unsolved.end) == (pytest.approx(0.4), pytest.approx(0.51))
     assert story(replace(standing, verdict=[replace(slipped, value=0.5)])) == []
 
 

@@ -188,6 +188,11 @@ def test_a_legend_lists_what_is_seen_of_both_runs_first(tab: Browser):
         .u.series.slice(1).map(s => s.show)"""
     )
     assert shown[:4] == [True] * 4 and not any(shown[4:])
+    marks = tab.run(
+        """report.plots.flatMap(({u}) => [...u.root.querySelectorAll('.u-marker')].slice(-u.series.length + 1).map(
+        (mark, k) => [Boolean(u.series[k + 1].dash), getComputedStyle(mark).borderTopStyle]))"""
+    )
+    assert {(dashed, style) for dashed, style in marks} == {(False, "solid"), (True, "dashed")}
 
 
 @pytest.mark.slow

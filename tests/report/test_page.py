@@ -207,7 +207,17 @@ def test_of_a_tick_without_a_record_of_its_residuals_there_is_a_dash(
 def test_the_page_is_as_wide_as_the_window(chromium: Browser, page: Path, width: int):
     chromium.open(page, width=width, height=844)
     assert chromium.run("document.documentElement.scrollWidth") == width
+    assert chromium.run("Math.min(...[...document.querySelectorAll('figure img')].map(one => one.clientWidth))") > 600
     assert not chromium.errors
+
+
+def test_the_names_of_hidden_curves_and_of_constraints_can_be_read(tab: Browser):
+    """Hidden ones are not faint, and the cursor is not drawn over the others."""
+    shown(tab, "torques")
+    faint = "[...document.querySelectorAll('.u-off th')].filter(one => getComputedStyle(one).opacity < 1).length"
+    assert tab.run("document.querySelectorAll('.u-off').length") > 0 and tab.run(faint) == 0
+    assert plot(tab, "limits", "[...u.over.children].findLastIndex(one => one.className === 'head') < "
+                "[...u.over.children].findIndex(one => one.className === 'strip')")  # fmt: skip
 
 
 @pytest.mark.parametrize("width", [1180, 1400, 1800])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -47,7 +48,7 @@ def story(result: ScenarioResult) -> list[Event]:
     """What led to the demand that failed first, in the order of time; empty where none failed, or nobody knows when.
 
     From the last push or fault before that failure on: when each constraint or limit first had an active row, when each
-    contact first carried nothing, the first tick without a certified answer, the demands that failed, and the end.
+    contact first carried nothing, the ticks without a certified answer, the demands that failed, and the end.
     """
     run, found = result.run, sorted(events(result))
     failed = [event for event in found if event.kind == "failed"]
@@ -62,7 +63,7 @@ def story(result: ScenarioResult) -> list[Event]:
     told += list({event.label: event for event in reversed(freed) if event.start >= begin}.values())
     told += _held(result, begin)
     unsolved = measure.intervals(run, ~measure.solved(run) & (measure.times(run) >= begin))
-    told += [Event(start, stop, "no certified solution", "status", "limits") for start, stop in unsolved[:1]]
+    told += [_often("no certified solution", unsolved, "status")] if unsolved else []
     if str(run.meta.get("ended", "complete")) != "complete":
         told.append(Event(end, end, f"the run ended: {run.meta['ended']}", "end"))
     return sorted(told, key=lambda event: (event.start, ORDER.index(event.kind)))
@@ -88,8 +89,9 @@ def _held(result: ScenarioResult, begin: float) -> list[Event]:
         owner = name.partition(": " if name.startswith("friction") else ", ")[0]
         owners[owner] = owners.get(owner, np.zeros(run.rows, dtype=bool)) | (mask & late)
     spans = {owner: measure.intervals(run, mask) for owner, mask in owners.items() if mask.any()}
-    often = {owner: f", {len(times)} times" if len(times) > 1 else "" for owner, times in spans.items()}
-    return [
-        Event(times[0][0], times[-1][1], f"{owner} is active{often[owner]}", "row", "limits")
-        for owner, times in spans.items()
-    ]
+    return [_often(f"{owner} is active", times, "row") for owner, times in spans.items()]
+
+
+def _often(label: str, times: Sequence[tuple[float, float]], kind: str) -> Event:
+    """From the first to the last of the intervals ``times`` [s], and how many there are."""
+    return Event(times[0][0], times[-1][1], f"{label}{f', {len(times)} times' * (len(times) > 1)}", kind, "limits")

@@ -72,7 +72,7 @@
       head,
       hooks: {
         setScale: [(u, key) => { if (key === "x" && spec.time) spread(u); }],
-        ready: [(u) => u.over.append(...names, ...(spec.time ? [head] : []))],
+        ready: [(u) => u.over.append(...(spec.time ? [head] : []), ...names)],
         drawClear: [(u) => {
           if (!spec.time) return;
           u.ctx.save();
