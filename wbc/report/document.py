@@ -355,6 +355,11 @@ def short(value: float) -> str:
     return f"{float(mantissa):g}e{int(exponent)}"
 
 
+def plural(count: int, noun: str) -> str:
+    """A count and its noun: "1 problem", "2 problems"."""
+    return f"{count} {noun}{'s' * (count != 1)}"
+
+
 def readable(unit: str) -> tuple[float, str]:
     """A factor and a unit in which small errors are read easily: m in mm, rad in mrad."""
     return (1e3, f"m{unit}") if unit in ("m", "rad", "m/s", "rad/s") else (1.0, unit)

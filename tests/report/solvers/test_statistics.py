@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
+import copy
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from wbc.qp import QP
+from wbc.report.document import Text
 from wbc.report.scaling.slope import slope
+from wbc.report.solvers import compare
+from wbc.report.solvers.advice import advice
+from wbc.report.solvers.appendix import failed
+from wbc.report.solvers.page import page
 from wbc.report.solvers.statistics import (
     Measure,
     best_classes,
     between_rounds,
     geometric_mean,
+    measures,
     percentiles,
     profile,
     ratio,
@@ -111,3 +121,30 @@ def test_the_interval_of_a_slope_holds_the_truth_as_often_as_it_says():
         found = slope(x, x**1.5 * np.exp(0.2 * rng.standard_normal(5)))
         held += abs(found.exponent - 1.5) <= found.half
     assert 0.92 * 400 <= held <= 0.98 * 400
+
+
+@pytest.fixture(scope="module")
+def with_none() -> dict[str, Any]:
+    """Two problems with a solution; one without a feasible point, one without a lower bound, one at the tolerance."""
+    cross = QP([[1.0]], [0.0], C=[[1.0]], cl=[2.0], ub=[1.0])
+    close = QP([[1.0]], [0.0], C=[[1.0]], cl=[1.0 + 1e-5], ub=[1.0])
+    own = [QP([[1.0]], [-1.0], ub=[0.5], C=[[1.0]]), cross, QP([[0.0]], [-1.0], C=[[1.0]]), close]
+    return compare(own, solvers=["pdas", "daqp"], rounds=1, classes={"default": None, "1e-3": 1e-3})
+
+
+def test_a_problem_that_has_no_solution_counts_for_and_against_nobody(with_none: dict[str, Any]):
+    """It is named; one that has a solution at the coarsest tolerance counts."""
+    for mode, count in (("cold", 2), ("warm", 1)):
+        assert {m.count for m in measures(with_none, "problems", mode)} == {count}
+    report = page(with_none)
+    (said,) = (item.text for item in report.items if isinstance(item, Text) and "Not counted" in item.text)
+    assert said.endswith("proven to have no solution: 2 (problem 1, problem 2).")
+    assert {index for _, index, _, _ in failed(with_none)} <= {3}
+    assert page(copy.deepcopy(with_none)).summary == report.summary
+
+
+def test_a_set_of_which_no_problem_has_a_solution_has_a_page():
+    cross = QP([[1.0]], [0.0], C=[[1.0]], cl=[2.0], ub=[1.0])
+    data = compare([cross, cross], solvers=["pdas"], rounds=1)
+    assert advice(data, data["sets"][0]).use is None and "1e-6 on any of" in advice(data, data["sets"][0]).sentence
+    assert "proven to have no solution: 2" in " ".join(i.text for i in page(data).items if isinstance(i, Text))

@@ -8,7 +8,7 @@ from typing import final
 
 import numpy as np
 
-from wbc.report.document import Cell, Marked, percent, short
+from wbc.report.document import Cell, Marked, percent, plural, short
 from wbc.report.solvers.data import Data
 from wbc.report.solvers.statistics import (
     TARGET,
@@ -164,10 +164,11 @@ def _sentence(about: Data, use: Measure, following: Measure | None) -> str:
     p50, p99, top = percentiles(use.times(TARGET))
     assert p50 is not None and p99 is not None and top is not None, "it solved at least one problem"
     share = use.share(TARGET)
-    solved = f"all {use.count}" if share == 1.0 else f"{round(share * use.count)} of {use.count}"
+    part = f"{round(share * use.count)} of " if share < 1.0 else "all " * (use.count > 1)
     how = "warm from tick to tick" if use.mode == "warm" else "cold"
     words = [
-        f"{use.solver} solved {solved} problems to {short(TARGET)} ({how}), median {_us(p50)}, 99 % within {_us(p99)}"
+        f"{use.solver} solved {part}{plural(use.count, 'problem')} to {short(TARGET)} ({how}), median {_us(p50)}, "
+        f"99 % within {_us(p99)}"
     ]
     if following is not None:
         times, common = ratio(following.times(TARGET), use.times(TARGET))
@@ -175,8 +176,8 @@ def _sentence(about: Data, use: Measure, following: Measure | None) -> str:
             words.append(f"no other solved as many: next is {following.solver} with {percent(following.share(TARGET))}")
         elif times is not None:
             words.append(
-                f"next is {following.solver}, which takes {times:.2f} times as long on the {common} problems that "
-                "both solved"
+                f"next is {following.solver}, which takes {times:.2f} times as long on the {plural(common, 'problem')} "
+                "that both solved"
             )
     lies = int(np.sum(use.says_solved & ~use.holds(TARGET)))
     if lies:

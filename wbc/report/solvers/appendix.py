@@ -6,6 +6,7 @@ from wbc.report.document import Cell, Item, Section, Table, Text
 from wbc.report.sections.settings import measured
 from wbc.report.solvers.data import Data
 from wbc.report.solvers.problems import slug
+from wbc.report.solvers.statistics import PROVEN
 
 FAILURES = "failures"
 
@@ -16,13 +17,13 @@ def failure_file(name: str, index: int) -> str:
 
 
 def failed(data: Data) -> list[tuple[str, int, str, str]]:
-    """(set, index, solver, what happened) of every solve with default settings that did not end in a certificate."""
+    """(set, index, solver, what happened) of every default solve without a certificate or a proof of no solution."""
     found = []
     for measure in data["measures"]:
         if measure["class"] != "default" or measure["mode"] != "cold":
             continue
         for i, word in enumerate(measure["status"]):
-            if word != "SOLVED":
+            if word != "SOLVED" and word not in PROVEN:
                 ended, _, error = word.partition(" ")
                 what = measure["lost"].get(str(i)) or f"{ended.replace('_', ' ').lower()} {error}".rstrip()
                 found.append((measure["set"], i, measure["solver"], what))
@@ -35,7 +36,9 @@ def failures(data: Data) -> Section:
     for name, i, solver, what in failed(data):
         by_problem.setdefault((name, i), []).append(f"{solver} ({what})")
     if not by_problem:
-        return Section("Failures", [Text("Every solver solved every problem with its default settings.")])
+        return Section(
+            "Failures", [Text("With its default settings every solver solved every problem that has a solution.")]
+        )
     labels = {about["name"]: about["labels"] for about in data["sets"]}
     rows = [
         (name, labels[name][i], ", ".join(who), failure_file(name, i)) for (name, i), who in sorted(by_problem.items())

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from wbc.report.document import Bound, Cell, Curve, Item, Marked, Plot, Section, Table, Text, percent, short
+from wbc.report.document import Bound, Cell, Curve, Item, Marked, Plot, Section, Table, Text, percent, plural, short
 from wbc.report.solvers.data import Data
 from wbc.report.solvers.problems import slug
 from wbc.report.solvers.statistics import (
@@ -15,6 +15,7 @@ from wbc.report.solvers.statistics import (
     Measure,
     best_classes,
     between_rounds,
+    insoluble,
     main_mode,
     measures,
     percentiles,
@@ -26,6 +27,8 @@ from wbc.report.solvers.statistics import (
 )
 from wbc.types import Vec
 
+#: So many problems without a solution are named.
+_NAMED = 5
 #: What is drawn of a profile [times the fastest], and of accuracy.
 _SLOWEST, _FINEST, _COARSEST = 1e3, 1e-16, 1.0
 
@@ -37,7 +40,8 @@ def section(data: Data, about: Data) -> Section:
     chosen = _ranked(best_classes(found))
     order = {m.solver: i for i, m in enumerate(chosen)}
     found = sorted(found, key=lambda m: order[m.solver])  # the sort is stable: classes stay in order
-    items: list[Item] = [Text(_about(about)), _profile(about, chosen), _reached(about, chosen)]
+    none = [about["labels"][i] for i in insoluble(data, about["name"])]
+    items: list[Item] = [Text(_about(about) + _without(none)), _profile(about, chosen), _reached(about, chosen)]
     items += [_success(data, found, mode), _times(about, chosen, mode), _accuracy(about, chosen)]
     items += [_pairs(chosen)] if len(chosen) > 1 else []
     items += [_cold_against_warm(data, about, chosen)] if mode == "warm" else []
@@ -52,14 +56,19 @@ def _ranked(chosen: Sequence[Measure]) -> list[Measure]:
 def _about(about: Data) -> str:
     n = [shape[0] for shape in about["shapes"]]
     rows = [shape[1] + shape[2] for shape in about["shapes"]]
-    sizes = f"{_span(n)} variables, {_span(rows)} rows"
+    sizes = f"variables: {_span(n)}, rows: {_span(rows)}"
     if about["kind"] == "files":
-        return f"{len(n)} problems from files, each solved alone ({sizes})."
-    stretches = len(about["stretches"])
+        return f"{plural(len(n), 'problem')} from files, each solved alone ({sizes})."
     return (
-        f"{len(n)} QPs of a closed loop in {stretches} stretch{'es' if stretches > 1 else ''} of consecutive ticks "
-        f"({sizes}), {about['source']}. Warm: one session goes through a stretch; its first problem is not counted."
+        f"{plural(len(n), 'QP')} of a closed loop in {plural(len(about['stretches']), 'part')} of consecutive ticks "
+        f"({sizes}), {about['source']}. Warm: one session goes through a part; its first problem is not counted."
     )
+
+
+def _without(labels: Sequence[str]) -> str:
+    """Of the problems that are proven to have no solution."""
+    shown = ", ".join(labels[:_NAMED]) + ", …" * (len(labels) > _NAMED)
+    return f" Not counted, because they are proven to have no solution: {len(labels)} ({shown})." if labels else ""
 
 
 def _span(values: Sequence[int]) -> str:

@@ -14,6 +14,8 @@ from wbc.types import Mat, Vec
 
 #: The certificate that this library asks of an answer.
 TARGET = 1e-6
+#: How a solve of a problem without a solution ends, by a proof.
+PROVEN = frozenset({"INFEASIBLE", "UNBOUNDED"})
 
 
 @final
@@ -72,15 +74,24 @@ class Measure:
 
 
 def measures(data: Data, name: str, mode: str) -> list[Measure]:
-    """All measures of a set in a mode. A warm start begins with the second problem of a stretch."""
+    """All measures of a set in a mode, over the problems that have a solution, if any has one. A warm start begins
+    with the second problem of a stretch."""
     about = next(s for s in data["sets"] if s["name"] == name)
     firsts = {start for start, _ in about["stretches"]} if mode == "warm" else set()
-    keep = [i for i in range(len(about["labels"])) if i not in firsts]
+    counted = [i for i in range(len(about["labels"])) if i not in firsts]
+    keep = [i for i in counted if i not in insoluble(data, name)] or counted
     found = []
     for entry in data["measures"]:
         if entry["set"] == name and entry["mode"] == mode:
             found.append(_measure(entry, keep))
     return found
+
+
+def insoluble(data: Data, name: str) -> list[int]:
+    """The problems of a set that are proven to have no solution, also at the coarsest tolerance."""
+    coarsest = max(data["classes"], key=lambda asked: tolerance_of(data, asked))
+    own = [m["status"] for m in data["measures"] if (m["set"], m["class"]) == (name, coarsest)]
+    return [i for i, words in enumerate(zip(*own, strict=True)) if not PROVEN.isdisjoint(words)]
 
 
 def _measure(entry: Data, keep: Sequence[int]) -> Measure:
