@@ -66,13 +66,21 @@ def test_what_makes_no_sense_is_one_sentence(wbc, problems: Path, tmp_path: Path
     assert {path.name for path in tmp_path.iterdir()} <= {"problems"}
 
 
-def test_an_interrupt_says_how_to_go_on(wbc, problems: Path, monkeypatch: pytest.MonkeyPatch):
+@pytest.mark.parametrize("own", [False, True])
+def test_an_interrupt_says_how_to_go_on_and_that_goes_on(wbc, problems: Path, own: bool, monkeypatch):
+    """A scenario that is Python code has to be named again."""
+
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("wbc.report.solvers.comparison.work", interrupted)
-    answer = wbc("report", "solvers", problems, "--out", "report", "--no-growth")
+    reach = f"{Path(__file__).parent.with_name('report') / 'solvers' / 'reaching.py'}:reach"
+    given = (reach, "--duration", "0.02", "--ticks", "2", "--no-loop") if own else (problems,)
+    with monkeypatch.context() as stopped:
+        stopped.setattr("wbc.report.solvers.comparison.work", interrupted)
+        answer = wbc("report", "solvers", *given, "--solver", "pdas", "--rounds", "1", "--out", "report")
     assert answer.code == 130 and "--resume --out report" in answer.err
+    again = wbc(*answer.err.rsplit("stays: wbc ", 1)[1].split())
+    assert again.code == 0 and "report.html" in again.out, again.err
 
 
 def test_a_sweep_becomes_results_and_a_report(wbc, tmp_path: Path):

@@ -107,7 +107,8 @@ def solvers(
         wanted = [*(sources or ()), *(name for name in SCENARIOS if every and name not in (sources or ()))]
         if not wanted and not resume:
             raise InvalidInput("give a scenario, a folder of QPs, or --all")
-        going_on = f"what was measured stays: wbc report solvers --resume --out {folder}"
+        named = "".join(f"{source} " for source in sources or () if ":" in source)
+        going_on = f"what was measured stays: wbc report solvers {named}--resume --out {folder}"
         with working("comparing") as step, kept(going_on):
             if resume:
                 measured = comparing.resume(folder, trusted=wanted, progress=step)
