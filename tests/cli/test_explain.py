@@ -50,6 +50,12 @@ def test_a_file_without_names_is_said(wbc, tmp_path):
     assert answer.code == 0 and "The file names no rows" in answer.out and "C[0]" in answer.out
 
 
+def test_a_problem_without_active_rows_says_so(wbc, tmp_path):
+    QP(np.eye(2), [-1.0, 0.0], C=[[1.0, 0.0]], cu=[2.0]).save(tmp_path / "qp.npz")
+    answer = wbc("explain", "qp.npz")
+    assert answer.code == 0 and answer.out.strip().endswith("No row is active.")
+
+
 def test_what_is_not_such_a_file_is_one_sentence(wbc, tmp_path):
     (tmp_path / "notes.npz").write_text("not a QP")
     for words, said in (

@@ -85,6 +85,15 @@ def test_only_settings_that_differ_are_columns(folder: Path):
     assert ("parameters.same", 1.0) in list(same.rows)
 
 
+def test_a_setting_that_is_on_or_off_is_neither_good_nor_bad(tmp_path: Path):
+    for name, fails in (("a", True), ("b", False)):
+        run = reaching_run()
+        run.meta["parameters"] = {"fails": fails}
+        run.save(tmp_path / name)
+    (made,) = [item for item in index(tmp_path).items if isinstance(item, Table) and item.sorts]
+    assert [row[made.columns.index("fails")] for row in made.rows] == ["yes", "no"]
+
+
 def test_links_lead_to_pages_that_are_there(folder: Path):
     text = save_index(folder).read_text(encoding="utf-8")
     links = re.findall(r'href="([^"#:]+)"', text)

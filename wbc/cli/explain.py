@@ -57,6 +57,9 @@ def _print_active(qp: QP, solution: Solution) -> None:
     pushing = np.concatenate([solution.y, solution.z, solution.z_box])
     value = np.concatenate([qp.matrix @ solution.x, solution.x])
     active = np.flatnonzero(np.abs(pushing) > 1e-7 * max(1e-3, np.abs(pushing).max(initial=0.0)))
+    if not active.size:
+        say("No row is active.")
+        return
     made = table("Active rows, the largest multiplier first", "owner", "row", "value", "unit", "multiplier")
     for i in active[np.argsort(-np.abs(pushing[active]))]:
         row = qp.rows[i]

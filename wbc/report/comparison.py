@@ -29,6 +29,7 @@ from wbc.report.document import (
     Text,
     Tile,
     formatted,
+    neutral,
     number,
 )
 from wbc.report.folder import HTML, replaced, write
@@ -235,7 +236,7 @@ def _figures(result: ScenarioResult) -> dict[str, Cell]:
     found |= {"not all recorded": ", ".join(silent)} if isinstance(silent, Mapping) and silent else {}
     found |= {f"{kind} exceeded by [{unit}]": worst for kind, (worst, unit) in result.violations.items()}
     numbers = {
-        settings.figure_name(key): value
+        settings.figure_name(key): neutral(value)
         for key, value in settings.flat(result.figures) if isinstance(value, bool | int | float)
     }  # fmt: skip
     return found | numbers

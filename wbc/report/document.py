@@ -355,6 +355,11 @@ def short(value: float) -> str:
     return f"{float(mantissa):g}e{int(exponent)}"
 
 
+def neutral(cell: Cell) -> Cell:
+    """A setting or a figure: where it is a yes or a no, neither is good or bad."""
+    return formatted(cell) if isinstance(cell, bool) else cell
+
+
 def plural(count: int, noun: str) -> str:
     """A count and its noun: "1 problem", "2 problems"."""
     return f"{count} {noun}{'s' * (count != 1)}"

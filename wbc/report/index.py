@@ -16,7 +16,7 @@ from wbc.errors import InvalidInput
 from wbc.files import Place, located, written
 from wbc.npz import read_json
 from wbc.report.build import require_extras
-from wbc.report.document import Address, Cell, Figure, Marked, Report, Section, Table, Tile
+from wbc.report.document import Address, Cell, Figure, Marked, Report, Section, Table, Tile, neutral
 from wbc.report.folder import HTML
 from wbc.report.html import html
 from wbc.report.markdown import FIGURES
@@ -158,7 +158,7 @@ def _settings(meta: Mapping[str, Any]) -> dict[str, Cell]:
     if stopped and "simulated" in kept:
         kept["simulated"] = float(stopped[1])
     return {
-        key: value for key, value in settings.flat(kept)
+        key: neutral(value) for key, value in settings.flat(kept)
         if isinstance(value, bool | int | float) or (isinstance(value, str) and len(value) <= LONGEST)
     }  # fmt: skip
 

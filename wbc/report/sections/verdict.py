@@ -7,7 +7,7 @@ from itertools import groupby
 
 import numpy as np
 
-from wbc.report.document import Bar, Event, Item, Link, Section, Table, number, percent, rounded
+from wbc.report.document import Bar, Event, Item, Link, Section, Table, neutral, number, percent, rounded
 from wbc.report.happened import story
 from wbc.report.sections.settings import figure_name
 from wbc.sim.scenario import Check, ScenarioResult, failed_first
@@ -45,7 +45,7 @@ def section(result: ScenarioResult) -> Section:
         caption = "Largest violation of each limit"
         items.append(Table(("limit", "exceeded by", "unit"), rows_broken, caption, folded=bool(result.verdict)))
     plain = {k: v.item() if isinstance(v, np.generic) else v for k, v in result.figures.items()}
-    figures = [(figure_name(k), v) for k, v in plain.items() if isinstance(v, (bool, int, float, str))]
+    figures = [(figure_name(k), neutral(v)) for k, v in plain.items() if isinstance(v, (bool, int, float, str))]
     if figures:
         items.append(Table(("figure", "value"), figures, "Other figures of this scenario", folded=True))
     return Section("Verdict", items)
