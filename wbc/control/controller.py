@@ -13,6 +13,7 @@ from contextlib import suppress
 from copy import deepcopy
 from functools import partial
 from pathlib import Path
+from time import perf_counter
 from typing import Any, final
 
 import numpy as np
@@ -213,7 +214,7 @@ class Controller(Solving, metaclass=TellsArguments):
             InvalidInput: q or v has another shape, or an argument is not real numbers. Nothing else is raised.
         """
         watch = self.watch
-        start = watch.now() if watch.timed else 0.0
+        start = perf_counter() if watch.timed else 0.0
         measured = self.measured
         t, q, v = measured.read(t, q, v)
         self.ticks += 1
@@ -237,11 +238,8 @@ class Controller(Solving, metaclass=TellsArguments):
         for component in self.components:
             self._tell(component, command)
         self.last = command
-        if watch.timed:
-            if why := watch.took(start):
-                self.fallbacks.write_down(command, why)
-            if watch.broken:
-                self.fallbacks.spoilt(command, watch.broken)
+        if watch.timed and (why := watch.took(start)):
+            self.fallbacks.write_down(command, why)
         return command
 
     def _accelerated(self, command: Command) -> Vec:

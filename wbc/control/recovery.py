@@ -155,7 +155,7 @@ class FallbackSequence:
         return self._fail(Status.FAILED, moment)
 
     def spoilt(self, command: Command, failure: str) -> None:
-        """Write down what failed once the command was decided, a component or a clock: the command stands, not ok."""
+        """Write down that a component failed once the command was decided: the command stands, not ok."""
         controller = self._controller
         controller.why = f"{controller.why}; {failure}" if controller.why else failure
         controller.status = command.status = Status.FAILED

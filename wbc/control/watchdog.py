@@ -6,25 +6,20 @@ state that is not to be believed, so with the last command or a stop.
     backwards   t < the t of the tick before
     stale       the same t for more than ``stale_ticks`` ticks in a row
     late        t more than ``late`` periods after the tick before; ``missed`` counts the periods in between
-    over        the tick took more than ``budget`` seconds of ``clock``
-
-A ``clock`` that raises, gives no finite number or goes back makes no tick raise: the command stands, its status is not
-ok, and ``why`` says what the clock did.
+    over        the tick took more than ``budget`` seconds
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
 from dataclasses import dataclass
-from math import isfinite, isnan
+from math import isnan
 from time import perf_counter
 from typing import NamedTuple, final
 
 import numpy as np
 
 from wbc import checks
-from wbc.errors import MemberFailed
 
 #: How many of the last durations, periods and latenesses statistics are made of.
 KEPT = 10_000
@@ -40,17 +35,15 @@ class Watchdog:
         late: periods after which a tick is late.
         budget: time [s] a tick may take; None: ticks are not timed.
         refuse: whether to answer a stale state or a clock that went back with a fallback level instead of a solve.
-        clock: seconds, for ``budget``; another one makes runs repeatable.
 
     Raises:
-        InvalidInput: a number out of range, a clock that cannot be called.
+        InvalidInput: a number out of range.
     """
 
     stale_ticks: int = 2
     late: float = 1.5
     budget: float | None = None
     refuse: bool = False
-    clock: Callable[[], float] = perf_counter
 
     def __post_init__(self) -> None:
         checks.number("stale_ticks", self.stale_ticks, low=0)
@@ -58,7 +51,6 @@ class Watchdog:
         if self.budget is not None:
             checks.number("budget", self.budget, low=0.0, strict=True)
         checks.truth("refuse", self.refuse)
-        checks.function("clock", self.clock, "a function that gives seconds")
 
 
 class Times(NamedTuple):
@@ -80,8 +72,6 @@ class Watch:
     def __init__(self, settings: Watchdog, dt: float) -> None:
         self.settings, self._dt = settings, dt
         self.timed = settings.budget is not None
-        #: What is wrong with the clock in this tick, or nothing.
-        self.broken = ""
         self._most = settings.late * dt
         self.backwards = self.stale = self.late = self.missed = self.over = 0
         self._durations: deque[float] = deque(maxlen=KEPT)
@@ -123,25 +113,9 @@ class Watch:
             why = f"the state is stale: its time has been the same for {self._repeats + 1} ticks"
         return why if self.settings.refuse else ""
 
-    def now(self) -> float:
-        """What the clock says [s]; NaN where that is no finite number, and ``broken`` says why."""
-        self.broken = ""
-        try:
-            now = self.settings.clock()
-            return now if type(now) is float and isfinite(now) else checks.number("what it gave", now)
-        except Exception as cause:  # it is the user's, and may raise anything
-            self.broken = str(MemberFailed("Watchdog.clock", cause))
-            return float("nan")
-
     def took(self, start: float) -> str:
         """Take note of how long a tick took that began at ``start``; what is wrong with that, or nothing."""
-        broken = self.broken
-        seconds = self.now() - start
-        self.broken = broken or self.broken
-        if seconds < 0.0:
-            self.broken = f"Watchdog.clock went back by {-seconds:g} s in a tick"
-        if self.broken:
-            return ""
+        seconds = perf_counter() - start
         self._durations.append(seconds)
         budget = self.settings.budget
         if budget is None or seconds <= budget:
