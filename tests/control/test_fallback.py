@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import wbc
 from tasks import ContactForce, MomentumObserver, Point, Posture, Sole, TorqueLimits, feet
-from wbc.control.fallback import BRAKE_TIME, Fallback
+from wbc.control.fallback import BRAKE_TIME, torque
 from wbc.errors import NotSupported
 from wbc.testing.strategies import states
 
@@ -21,7 +21,7 @@ PLAN = wbc.Controller(ARM, wbc.Stack([Posture(ARM.q0)], subject_to=[TorqueLimits
 def test_where_nothing_else_is_a_number_the_last_torques_take_energy_out_of_every_joint(state, carrying):
     PLAN.tick(0.0, state.q, 0.0 * state.v)
     before = None if carrying is None else np.asarray(carrying)
-    tau = Fallback(PLAN.plan).torque(state, np.full(7, np.nan), None, before)
+    tau = torque(PLAN.plan, state, np.full(7, np.nan), None, before)
     damping = tau - (0.0 if before is None else before)
     np.testing.assert_allclose(damping, -np.diag(state.M) * state.v / BRAKE_TIME, rtol=1e-9, atol=1e-9)
 
@@ -32,7 +32,7 @@ def test_on_legs_what_brakes_the_robot_does_not_depend_on_what_its_tasks_want():
         stack = wbc.Stack([Posture(QUADRUPED.q0), *wanted], contacts=feet(QUADRUPED), subject_to=[TorqueLimits()])
         controller = wbc.Controller(QUADRUPED, stack, level=wbc.InverseDynamics())
         controller.tick(0.0, QUADRUPED.q0, moving)
-        torques.append(Fallback(controller.plan).torque(controller.state, -moving, None, None))
+        torques.append(torque(controller.plan, controller.state, -moving, None, None))
     np.testing.assert_allclose(torques[0], torques[1], rtol=0, atol=1e-6 * np.abs(torques[0]).max())
 
 

@@ -21,7 +21,7 @@ from tasks import (
 )
 from tests.families.oracle import Constraints, least_squares
 from tests.reliability.faults import A_MAX, FAULTS, V_MAX, Saboteur, excess, limited, sabotaged
-from wbc.control.fallback import Fallback
+from wbc.control.fallback import torque
 from wbc.errors import InvalidInput
 from wbc.qp.certificate import TOLERANCE
 from wbc.types import Status
@@ -355,5 +355,5 @@ def test_where_no_braking_torque_is_a_number_the_robot_is_carried_and_damped():
     control = wbc.Controller(ARM, stack, level=wbc.InverseDynamics())
     v = np.where(np.arange(ARM.nv) % 2, 0.5, -0.5)
     state: Any = SimpleNamespace(M=ARM.state().M, h=np.full(ARM.nv, np.nan), v_joints=v)
-    tau = Fallback(control.plan).torque(state, -v, None, np.zeros(ARM.nj))
+    tau = torque(control.plan, state, -v, None, np.zeros(ARM.nj))
     assert (tau * v < 0.0).all(), "damping takes energy out of every joint"

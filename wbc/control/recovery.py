@@ -31,8 +31,8 @@ from typing import NamedTuple, final
 import numpy as np
 
 from wbc import checks
+from wbc.control import fallback
 from wbc.control.command import Command, Proof, read_only
-from wbc.control.fallback import Fallback
 from wbc.control.solving import Solving
 from wbc.errors import InvalidInput, InvalidProblem
 from wbc.models.model import RobotState
@@ -354,17 +354,17 @@ class FallbackSequence:
 
     def _bounded(self, status: Status, name: str, moment: Vec, held: Command | None) -> Command:
         controller = self._controller
-        state, level, fallback = controller.state, controller.level, Fallback(controller.plan)
+        state, level, plan = controller.state, controller.level, controller.plan
         state.move(state.t, moment)
         if level.order == 1:
             last = state.v if controller.last is None else controller.last.v
-            decided = read_only(fallback.velocity(state, None if held is None else held.v, last))
+            decided = read_only(fallback.velocity(plan, state, None if held is None else held.v, last))
             return Command(controller, status, name, _NO_PROOF, moment=moment, v=decided)
-        a = read_only(fallback.acceleration(state, None if held is None else held.a))
+        a = read_only(fallback.acceleration(plan, state, None if held is None else held.a))
         if not level.dynamics:
             return Command(controller, status, name, _NO_PROOF, moment=moment, a=a)
         carrying = None if self.good is None else self.good.tau
-        tau = read_only(fallback.torque(state, a, None if held is None else held.tau, carrying))
+        tau = read_only(fallback.torque(plan, state, a, None if held is None else held.tau, carrying))
         forces = None if held is None else held.forces
         return Command(controller, status, name, _NO_PROOF, moment=moment, a=a, tau=tau, forces=forces)
 
