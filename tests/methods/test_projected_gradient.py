@@ -60,31 +60,24 @@ def well_conditioned(step: ProjectedGradientStep) -> bool:
 
 # ---- closed form and QP
 @given(ANY)
-def test_closed_form_and_both_qps_agree(step: ProjectedGradientStep):
-    """The QP in α on every solver, that in velocity and step on those that end at rounding."""
+def test_closed_form_and_qp_agree(step: ProjectedGradientStep):
     check_method(step)
-    expected = step.closed_form()
-    for solver in ("pdas", "daqp"):
-        found = step.difference(step.solve(solver, form="velocity"), expected)
-        assert max(found.values()) <= 1e-9, found
 
 
-@pytest.mark.parametrize("form", ["step", "velocity"])
-def test_closed_form_and_qp_agree_on_integers_and_rows_of_other_units(form: str):
-    rng = generator(f"integer steps, {form}")
+def test_closed_form_and_qp_agree_on_integers_and_rows_of_other_units():
+    rng = generator("integer steps, step")
     for _ in range(5 * settings().max_examples):
         step = integer_step(rng)
         expected = step.closed_form()
         for solver in ("pdas", "daqp"):
-            found = step.difference(step.solve(solver, form=form), expected)  # type: ignore[arg-type]
+            found = step.difference(step.solve(solver), expected)
             assert max(found.values()) <= 1e-9, (found, step)
 
 
 @pytest.mark.parametrize("solver", usable())
-@pytest.mark.parametrize("form", ["step", "velocity"])
-def test_both_forms_on_each_solver(solver: str, form: str):
+def test_one_step_on_each_solver(solver: str):
     step = ProjectedGradientStep([0.2, 0.1, -0.5], [1.0, -2.0, 1e-3], v_min=[-1, -1, -1], v_max=[1, 1, 1])
-    assert step.solve(solver, form=form).alpha == pytest.approx(0.55, abs=1e-8)  # type: ignore[arg-type]
+    assert step.solve(solver).alpha == pytest.approx(0.55, abs=1e-8)
 
 
 @given(ANY)
@@ -113,7 +106,7 @@ def test_the_step_in_exact_numbers():
 def test_a_step_that_moves_nothing_is_zero_with_and_without_a_largest_step(solver: str, v_task: float):
     for arguments in ({}, {"alpha_max": 2.0}):
         step = ProjectedGradientStep([v_task], [0.0], v_min=-1.0, v_max=1.0, **arguments)
-        for found in (step.closed_form(), step.solve(solver), step.solve(solver, form="velocity")):
+        for found in (step.closed_form(), step.solve(solver)):
             assert found.feasible == (v_task <= 1.0)
             assert found.alpha == 0.0 or not found.feasible
             assert found.interval == (0.0, step.alpha_max) or not found.feasible
@@ -296,7 +289,7 @@ def test_rows_of_a_task_in_units_far_apart_cost_no_digits():
         rows = np.array([[1e-4], [1e3 * unit]]) * J
         step = ProjectedGradientStep.from_gradient(rows, rows @ still, [-2.0, 0.0, -1.0], v_min=-1.0, v_max=[1, 0, 1])
         np.testing.assert_allclose(step.v_task, still, rtol=0, atol=1e-14)
-        for found in (step.closed_form(), step.solve(form="velocity")):
+        for found in (step.closed_form(), step.solve()):
             np.testing.assert_allclose(found.v, [1.0, 0.0, -1.0], rtol=0, atol=1e-14)
 
 
@@ -305,7 +298,7 @@ def test_a_velocity_that_is_rounding_of_a_task_that_contradicts_itself_is_zero()
     step = ProjectedGradientStep.from_gradient(
         np.ones((2, 3)), [0.1 + 0.5, -0.5 - 0.1], [3.0, 3.0, 3.0], v_min=[-INF, -INF, -1.0], v_max=[2.0, 0.0, 2.0]
     )
-    assert step.closed_form().feasible and step.solve().feasible and step.solve(form="velocity").feasible
+    assert step.closed_form().feasible and step.solve().feasible
 
 
 @given(FROM_GRADIENT)
@@ -429,7 +422,7 @@ def test_the_null_motion_may_restore_feasibility():
 @pytest.mark.parametrize("v_task", [[1.5, 0.0], [0.0, 2.0]])
 def test_infeasible_starts_that_nothing_restores(v_task: list[float]):
     step = ProjectedGradientStep(v_task, [1.0, 0.0], v_min=[-1, -1], v_max=[1, 1])
-    for found in (step.closed_form(), step.solve("daqp"), step.solve("proxqp", form="velocity")):
+    for found in (step.closed_form(), step.solve("daqp"), step.solve("proxqp")):
         assert not found.feasible and np.isnan(found.v).all() and found.interval[0] > found.interval[1]
 
 
@@ -462,14 +455,13 @@ def test_the_qp_over_velocities_needs_the_gradient():
         ProjectedGradientStep([0.0], [1.0], v_min=[-1], v_max=[1]).qp_over_velocity(1.0)
 
 
-@pytest.mark.parametrize("form", ["step", "velocity"])
 @pytest.mark.parametrize("exponent", [-250, -100, -30, -13, 13])
-def test_the_unit_of_the_gradient_scales_the_step_and_changes_nothing_else(form: str, exponent: int) -> None:
+def test_the_unit_of_the_gradient_scales_the_step_and_changes_nothing_else(exponent: int) -> None:
     """A criterion in another unit: the step is in that unit too, and the velocities are the same."""
     rng, factor = generator("units of the gradient"), 10.0**exponent
     for _ in range(6):
         v_task, v_null = rng.uniform(-0.9, 0.9, 3), rng.uniform(0.1, 1.0, 3) * rng.choice([-1.0, 1.0], 3)
-        usual = ProjectedGradientStep(v_task, v_null, v_min=-1.0, v_max=1.0).solve(form=form)
-        scaled = ProjectedGradientStep(v_task, factor * v_null, v_min=-1.0, v_max=1.0).solve(form=form)
+        usual = ProjectedGradientStep(v_task, v_null, v_min=-1.0, v_max=1.0).solve()
+        scaled = ProjectedGradientStep(v_task, factor * v_null, v_min=-1.0, v_max=1.0).solve()
         assert scaled.alpha * factor == pytest.approx(usual.alpha, rel=1e-7)
         assert scaled.v == pytest.approx(usual.v, abs=1e-7) and scaled.active == usual.active

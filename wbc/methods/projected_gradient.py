@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, final
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
@@ -86,8 +86,7 @@ class ProjectedGradientStep(Method):
         lower, upper = box(v_task.size, v_min=v_min, v_max=v_max)
         self._set(
             v_task=v_task, v_null=checks.array("v_null", v_null, v_task.shape), v_min=lower, v_max=upper,
-            alpha_max=_largest(alpha_max),
-            origin=origin,
+            alpha_max=_largest(alpha_max), origin=origin,
         )  # fmt: skip
         if not np.isfinite(self._unit()):
             raise InvalidInput("alpha_max is inf, and so are all limits in the direction of v_null: give alpha_max")
@@ -240,39 +239,30 @@ class ProjectedGradientStep(Method):
     def _joint_rows(self) -> list[Row]:
         return [Row("velocity limits", f"joint {i}") for i in range(self.v_task.size)]
 
-    def solve(self, solver: str | Solver = "pdas", *, form: Literal["step", "velocity"] = "step") -> Step:
-        """α* by QP: over α alone, or (``form="velocity"``) over velocity and step together.
-
-        The lower end of ``interval`` is a QP too.
+    def solve(self, solver: str | Solver = "pdas") -> Step:
+        """α* by the QP over α, and the lower end of ``interval`` by another.
 
         Raises:
-            InvalidInput: no such form.
             UnknownSolver, SolverMissing: as :func:`wbc.qp.solve`.
             SolverFailed: the solver ended without an answer.
         """
-        checks.one_of("form", form, ("step", "velocity"))
-        low = self._furthest(-1.0, solver, form)
+        low = self._furthest(-1.0, solver)
         if np.isnan(low):
             return self._infeasible(np.inf, -np.inf)
         if not self._moving.any():
             return self._step(0.0, (0.0, self.alpha_max))
-        high = self._furthest(1.0, solver, form)
+        high = self._furthest(1.0, solver)
         return self._step(high, (min(low, high), high))
 
-    def _furthest(self, direction: float, solver: str | Solver, form: str) -> float:
+    def _furthest(self, direction: float, solver: str | Solver) -> float:
         """The largest (1.0) or smallest (−1.0) feasible step; NaN where there is none."""
-        qp = self.qp() if form == "step" else self.qp_with_velocity()
-        centre = np.append(self.v_task if form == "velocity" else [], 0.0)
-        size = np.where(self._size > 0.0, self._size, 1.0) if form == "velocity" else np.zeros(0)
-        # Unknowns in units of the ranges: rows are not compared with a bound on α that has the gradient's unit.
-        scale, last = np.append(size, self._unit()), np.eye(qp.n)[-1]
+        qp, unit = self.qp(), self._unit()
+        # α in units of the range: rows are not compared with a bound on α that has the gradient's unit.
         with np.errstate(over="ignore"):  # a bound too far away to be a number is none
-            lb, ub = qp.lb / scale, qp.ub / scale
-        measured = QP(
-            np.eye(qp.n), np.zeros(qp.n), A=qp.A * scale, b=qp.b, C=qp.C * scale, cl=qp.cl, cu=qp.cu, lb=lb, ub=ub
-        )
-        found = nearest(measured, centre / scale, np.eye(qp.n), solver, along=direction * last)
-        return np.nan if found is None else float(np.clip(found.x[-1] * scale[-1], 0.0, self.alpha_max))
+            ub = qp.ub / unit
+        measured = QP(qp.H, np.zeros(1), C=qp.C * unit, cl=qp.cl, cu=qp.cu, lb=qp.lb, ub=ub)
+        found = nearest(measured, np.zeros(1), np.eye(1), solver, along=np.array([direction]))
+        return np.nan if found is None else float(np.clip(found.x[0] * unit, 0.0, self.alpha_max))
 
     def difference(self, result: Step, reference: Step) -> Mapping[str, float]:
         """Steps relative to the step that takes a joint across its range, velocities to what the joints move at."""

@@ -9,7 +9,6 @@ Example:
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
 
 from wbc.errors import UnknownSolver
 from wbc.qp.solver import Solver
@@ -25,7 +24,7 @@ from wbc.qp.solvers.quadprog_ import Quadprog
 
 __all__ = [
     "EXTRAS", "SOLVERS", "Clarabel", "Daqp", "Guarded", "Osqp", "Pdas", "Piqp", "ProxQp", "QpSolvers", "Quadprog",
-    "by_name", "names", "table", "usable",
+    "by_name", "names", "usable",
 ]  # fmt: skip
 
 #: Every known solver with the settings that a name stands for.
@@ -79,17 +78,3 @@ def _told() -> str:
     if own := [name for name in others if not any(name in brought for brought in EXTRAS.values())]:
         told.append(f"packages of their own for {', '.join(own)}")
     return "; ".join(told)
-
-
-def table() -> str:
-    """All solvers and the tolerances a name stands for, in Markdown; generated, so that it cannot be out of date."""
-    columns = ("name", "pip install", "settings", "singular H", "same bits twice", "in a control loop")
-    lines = [f"| {' | '.join(columns)} |", "|" + " --- |" * len(columns)]
-    for solver in SOLVERS:
-        told = {f.name: getattr(solver, f.name) for f in fields(solver) if f.name != "fallback"}  # type: ignore[arg-type]
-        if isinstance(solver, QpSolvers):
-            told = solver.settings
-        settings = ", ".join(f"{key} = {value}" for key, value in told.items()) or "its own"
-        marks = ("yes" if mark else "no" for mark in (solver.semidefinite, solver.repeatable, not solver.offline))
-        lines.append(f"| `{solver.name}` | {solver.package or 'nothing more'} | {settings} | {' | '.join(marks)} |")
-    return "\n".join(lines)
