@@ -10,23 +10,18 @@ from typing import Any, final
 
 import numpy as np
 
-from wbc.qp.problem import QP, Shape
+from wbc.qp.problem import QP
 from wbc.qp.solver import Answer, Solver
 from wbc.qp.solvers.kept import KeptSession, OneSided, Pattern, ended
 from wbc.tolerances import ACCURACY
-from wbc.types import Mat, Vec
 
 
 @final
 class ClarabelSession(KeptSession):
     """A Clarabel solver, made anew when a side becomes finite or infinite, or a zero something else."""
 
-    def __init__(self, solver: Clarabel, shape: Shape) -> None:
-        super().__init__(solver, shape)
-        self._tol, self._max_iter = solver.tol, solver.max_iter
-        self._form: OneSided | None = None
-        self._begin()
-        self._data: tuple[Mat, Vec, Mat, Vec] = np.empty((0, 0)), np.empty(0), np.empty((0, 0)), np.empty(0)
+    solver: Clarabel
+    _form: OneSided | None
 
     def _begin(self) -> None:
         self._cost, self._rows, self._form = Pattern(self.shape.n, self.shape.n), Pattern(0, 0), None
@@ -47,8 +42,8 @@ class ClarabelSession(KeptSession):
         assert self._form is not None
         settings = clarabel.DefaultSettings()
         settings.verbose, settings.presolve_enable, settings.max_threads = False, False, 1
-        settings.tol_feas = settings.tol_gap_abs = settings.tol_gap_rel = self._tol
-        settings.max_iter = self._max_iter
+        settings.tol_feas = settings.tol_gap_abs = settings.tol_gap_rel = self.solver.tol
+        settings.max_iter = self.solver.max_iter
         H, g, G, h = self._data
         n_equal = self._form.n_equal
         cones = [clarabel.ZeroConeT(n_equal), clarabel.NonnegativeConeT(len(h) - n_equal)]

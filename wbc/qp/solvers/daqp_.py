@@ -12,7 +12,7 @@ from typing import Any, Self, final
 import numpy as np
 
 from wbc import checks
-from wbc.qp.problem import QP, Shape
+from wbc.qp.problem import QP
 from wbc.qp.solver import Answer, Solver
 from wbc.qp.solvers.kept import INFINITY, KeptSession
 from wbc.tolerances import ACCURACY
@@ -33,42 +33,34 @@ STATUS = {
 class DaqpSession(KeptSession):
     """A kept model, which remembers its active set. Its items: the bounds on x, then the rows [A; C]."""
 
-    def __init__(self, solver: Daqp, shape: Shape) -> None:
-        super().__init__(solver, shape)
-        n, n_eq, n_in = shape
-        self._lower, self._upper = np.empty(n + n_eq + n_in), np.empty(n + n_eq + n_in)
-        self._sense = np.zeros(n + n_eq + n_in, np.intc)
-        self._sense[n : n + n_eq] = EQUALITY
-        # Its own elimination of equalities takes problems for infeasible where H is singular on what is left.
-        self._settings = {
-            "primal_tol": solver.primal_tol, "eps_prox": solver.eps_prox, "eta_prox": solver.eta_prox,
-            "iter_limit": solver.max_iter, "eq_reduction": 0,
-        }  # fmt: skip
-        self._flag = 0
-        self._matrix, self._share = np.empty((n_eq + n_in, n)), np.empty(n_eq + n_in)
+    solver: Daqp
+    _flag: int
 
     def _write(self, qp: QP) -> bool:
-        n, lower, upper = qp.n, self._lower, self._upper
         length = np.sqrt(np.einsum("ij,ij->i", qp.matrix, qp.matrix))
         self._share = 1.0 / np.where(length > 0.0, length, 1.0)  # it takes a row for zero that is small in its unit
-        self._matrix = qp.matrix * self._share[:, None]
-        np.maximum(qp.lb, -INFINITY, out=lower[:n])
-        np.maximum(qp.lower * self._share, -INFINITY, out=lower[n:])
-        np.minimum(qp.ub, INFINITY, out=upper[:n])
-        np.minimum(qp.upper * self._share, INFINITY, out=upper[n:])
+        lower = np.maximum(np.append(qp.lb, qp.lower * self._share), -INFINITY)
+        upper = np.minimum(np.append(qp.ub, qp.upper * self._share), INFINITY)
+        self._data = qp.matrix * self._share[:, None], upper, lower
         return True
 
     def _make(self, qp: QP) -> Any:
         import daqp
 
-        model = daqp.Model()
-        model.settings = self._settings
-        self._flag, _ = model.setup(qp.H, qp.g, self._matrix, self._upper, self._lower, self._sense)
+        model, solver, (n, n_eq, n_in) = daqp.Model(), self.solver, self.shape
+        # Its own elimination of equalities takes problems for infeasible where H is singular on what is left.
+        model.settings = {
+            "primal_tol": solver.primal_tol, "eps_prox": solver.eps_prox, "eta_prox": solver.eta_prox,
+            "iter_limit": solver.max_iter, "eq_reduction": 0,
+        }  # fmt: skip
+        sense = np.repeat(np.array([0, EQUALITY, 0], np.intc), [n, n_eq, n_in])
+        self._flag, _ = model.setup(qp.H, qp.g, *self._data, sense)
         return model
 
     def _update(self, qp: QP, workspace: Any) -> None:
-        rows = self._matrix if len(self._matrix) else None  # an empty array is not understood here
-        self._flag = workspace.update(qp.H, qp.g, rows, self._upper, self._lower)
+        matrix, upper, lower = self._data
+        rows = matrix if len(matrix) else None  # an empty array is not understood here
+        self._flag = workspace.update(qp.H, qp.g, rows, upper, lower)
 
     def _run(self, qp: QP, workspace: Any) -> Answer:
         if self._flag < 0:  # refused before the first step

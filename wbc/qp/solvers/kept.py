@@ -47,12 +47,13 @@ class KeptSession(Session):
 
     def __init__(self, solver: Solver, shape: Shape) -> None:
         super().__init__(solver, shape)
-        self._workspace: Any = None
+        self.reset()
+        self._data: Any = ()  # the problem in the back end's form
         self._remembers = False  # whether the last answer is that of a workspace with a past
 
     @abstractmethod
     def _write(self, qp: QP) -> bool:
-        """Bring the data into the back end's form; whether the workspace still fits it."""
+        """Bring the data into the back end's form, ``_data``; whether the workspace still fits it."""
 
     @abstractmethod
     def _make(self, qp: QP) -> Any:
@@ -71,7 +72,7 @@ class KeptSession(Session):
 
     @final
     def reset(self) -> None:
-        self._workspace = None
+        self._workspace: Any = None
         self._begin()
 
     @final

@@ -11,7 +11,7 @@ from typing import Any, final
 
 import numpy as np
 
-from wbc.qp.problem import QP, Shape
+from wbc.qp.problem import QP
 from wbc.qp.solver import Answer, Solver
 from wbc.qp.solvers.kept import INFINITY, KeptSession, Pattern, ended
 from wbc.tolerances import ACCURACY, SHARP
@@ -25,46 +25,36 @@ _RELAXED = 1.8
 class OsqpSession(KeptSession):
     """An OSQP object, made anew when a zero becomes something else. Its rows: [A; C], then the bounds on x."""
 
-    def __init__(self, solver: Osqp, shape: Shape) -> None:
-        super().__init__(solver, shape)
-        n, m = shape.n, shape.n_eq + shape.n_in
-        self._settings = {
-            "eps_abs": solver.eps_abs, "eps_rel": 0.0, "max_iter": solver.max_iter, "polishing": solver.polishing,
-            "eps_prim_inf": SHARP, "eps_dual_inf": SHARP, "check_dualgap": True, "verbose": False, "alpha": _RELAXED,
-        }  # fmt: skip
-        self._begin()
-        self._upper_H = np.zeros((n, n))
-        self._matrix = np.concatenate([np.zeros((m, n)), np.eye(n)])
-        self._sides = np.empty((2, m + n))
+    solver: Osqp
 
     def _begin(self) -> None:
         n, rows = self.shape.n, self.shape.n_eq + self.shape.n_in + self.shape.n
         self._cost, self._rows = Pattern(n, n), Pattern(rows, n)
 
     def _write(self, qp: QP) -> bool:
-        self._upper_H = np.triu(qp.H)
-        self._matrix[: len(qp.matrix)] = qp.matrix
-        self._sides = np.clip(qp.sides, -INFINITY, INFINITY)
-        same_cost, same_rows = self._cost.covers(self._upper_H), self._rows.covers(self._matrix)
+        H, matrix = np.triu(qp.H), np.concatenate([qp.matrix, np.eye(qp.n)])
+        self._data = H, matrix, np.clip(qp.sides, -INFINITY, INFINITY)
+        same_cost, same_rows = self._cost.covers(H), self._rows.covers(matrix)
         return same_cost and same_rows
 
     def _make(self, qp: QP) -> Any:
         import osqp
 
-        workspace = osqp.OSQP()
-        cost, rows = self._cost.sparse(self._upper_H), self._rows.sparse(self._matrix)
+        workspace, solver, (H, matrix, sides) = osqp.OSQP(), self.solver, self._data
         try:
             # OSQP keeps what it is given: nothing of it may be the caller's, or change.
-            workspace.setup(cost, qp.g.copy(), rows, *self._sides, **self._settings)
+            workspace.setup(
+                self._cost.sparse(H), qp.g.copy(), self._rows.sparse(matrix), *sides, eps_abs=solver.eps_abs,
+                eps_rel=0.0, max_iter=solver.max_iter, polishing=solver.polishing, eps_prim_inf=SHARP,
+                eps_dual_inf=SHARP, check_dualgap=True, verbose=False, alpha=_RELAXED,
+            )  # fmt: skip
         except osqp.OSQPException:
             return None
         return workspace
 
     def _update(self, qp: QP, workspace: Any) -> None:
-        workspace.update(
-            q=qp.g.copy(), l=self._sides[0], u=self._sides[1],
-            Px=self._cost.entries(self._upper_H), Ax=self._rows.entries(self._matrix),
-        )  # fmt: skip
+        H, matrix, (low, high) = self._data
+        workspace.update(q=qp.g.copy(), l=low, u=high, Px=self._cost.entries(H), Ax=self._rows.entries(matrix))
 
     def _run(self, qp: QP, workspace: Any) -> Answer:
         from osqp import SolverStatus

@@ -10,7 +10,7 @@ from typing import Any, final
 
 import numpy as np
 
-from wbc.qp.problem import QP, Shape
+from wbc.qp.problem import QP
 from wbc.qp.solver import Answer, Solver
 from wbc.qp.solvers.kept import KeptSession, ended
 from wbc.tolerances import ACCURACY
@@ -20,11 +20,10 @@ from wbc.tolerances import ACCURACY
 class PiqpSession(KeptSession):
     """A dense PIQP object; matrices are handed over in Fortran order, which it needs."""
 
-    def __init__(self, solver: Piqp, shape: Shape) -> None:
-        super().__init__(solver, shape)
-        self._eps, self._max_iter = solver.eps_abs, solver.max_iter
-        self._data: tuple[Any, ...] = ()
-        self._bounded = np.zeros(shape.n_in, dtype=bool)
+    solver: Piqp
+
+    def _begin(self) -> None:
+        self._bounded = np.zeros(self.shape.n_in, dtype=bool)
 
     def _write(self, qp: QP) -> bool:
         A, b = (np.asfortranarray(qp.A), qp.b) if qp.n_eq else (None, None)
@@ -42,10 +41,9 @@ class PiqpSession(KeptSession):
         import piqp
 
         workspace = piqp.DenseSolver()
-        settings = workspace.settings
-        settings.eps_abs, settings.eps_rel = self._eps, 0.0
-        settings.eps_duality_gap_abs, settings.eps_duality_gap_rel = self._eps, self._eps
-        settings.max_iter = self._max_iter
+        settings, eps = workspace.settings, self.solver.eps_abs
+        settings.eps_abs, settings.eps_rel, settings.max_iter = eps, 0.0, self.solver.max_iter
+        settings.eps_duality_gap_abs, settings.eps_duality_gap_rel = eps, eps
         workspace.setup(*self._data)
         return workspace
 

@@ -11,21 +11,17 @@ from typing import Any, final
 
 import numpy as np
 
-from wbc.qp.problem import QP, Shape
+from wbc.qp.problem import QP
 from wbc.qp.solver import Answer, Solver
 from wbc.qp.solvers.kept import INFINITY, KeptSession, ended
 from wbc.tolerances import ACCURACY
-from wbc.types import Vec
 
 
 @final
 class ProxQpSession(KeptSession):
     """A dense ProxQP object with box constraints."""
 
-    def __init__(self, solver: ProxQp, shape: Shape) -> None:
-        super().__init__(solver, shape)
-        self._eps, self._max_iter, self._max_iter_in = solver.eps_abs, solver.max_iter, solver.max_iter_in
-        self._data: tuple[Vec | None, ...] = ()
+    solver: ProxQp
 
     def _write(self, qp: QP) -> bool:
         m, (low, high) = len(qp.lower), np.clip(qp.sides, -INFINITY, INFINITY)
@@ -38,10 +34,10 @@ class ProxQpSession(KeptSession):
         from proxsuite import proxqp
 
         workspace = proxqp.dense.QP(*self.shape, True)
-        settings = workspace.settings
-        settings.eps_abs, settings.eps_rel, settings.max_iter = self._eps, 0.0, self._max_iter
-        settings.max_iter_in, settings.check_duality_gap = self._max_iter_in, True
-        settings.eps_duality_gap_abs, settings.eps_duality_gap_rel = self._eps, self._eps
+        settings, eps = workspace.settings, self.solver.eps_abs
+        settings.eps_abs, settings.eps_rel, settings.max_iter = eps, 0.0, self.solver.max_iter
+        settings.max_iter_in, settings.check_duality_gap = self.solver.max_iter_in, True
+        settings.eps_duality_gap_abs, settings.eps_duality_gap_rel = eps, eps
         # At its own 1e-4 it takes one in forty small problems with little room for infeasible.
         settings.eps_primal_inf = settings.eps_dual_inf = 1e-18
         workspace.init(*self._data)

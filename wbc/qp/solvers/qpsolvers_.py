@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, final
 import numpy as np
 
 from wbc.errors import UnknownSolver
-from wbc.qp.problem import QP, Shape
+from wbc.qp.problem import QP
 from wbc.qp.solver import Answer, Session, Solver
 from wbc.tolerances import ACCURACY
 from wbc.types import Status, Vec
@@ -64,22 +64,20 @@ BACKENDS = {
 class QpSolversSession(Session):
     """Nothing is kept."""
 
-    def __init__(self, solver: QpSolvers, shape: Shape) -> None:
-        super().__init__(solver, shape)
-        self._settings = solver.settings
-        if solver.name == "highs":
-            _greet_unseen()
+    solver: QpSolvers
 
     def _solve(self, qp: QP) -> Answer:
         import qpsolvers
 
+        if self.solver.name == "highs":
+            _greet_unseen()
         start = perf_counter()
         problem = qp.to_qpsolvers()
         build_time = perf_counter() - start
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # the status says it
             try:
-                found = qpsolvers.solve_problem(problem, self.solver.name, None, False, **self._settings)
+                found = qpsolvers.solve_problem(problem, self.solver.name, None, False, **self.solver.settings)
             except (qpsolvers.QPError, ValueError):
                 return Answer.none(qp.shape, Status.FAILED)
         if found.x is None or found.x.shape != (qp.n,):  # HiGHS gives a point of no size where it gives up

@@ -12,7 +12,7 @@ from typing import final
 
 import numpy as np
 
-from wbc.qp.problem import QP, Shape
+from wbc.qp.problem import QP
 from wbc.qp.solver import Answer, Session, Solver
 from wbc.qp.solvers.kept import OneSided
 from wbc.types import Status
@@ -22,9 +22,7 @@ from wbc.types import Status
 class QuadprogSession(Session):
     """Nothing is kept but the list of finite sides."""
 
-    def __init__(self, solver: Quadprog, shape: Shape) -> None:
-        super().__init__(solver, shape)
-        self._form: OneSided | None = None
+    _form: OneSided | None = None
 
     def _solve(self, qp: QP) -> Answer:
         import quadprog
