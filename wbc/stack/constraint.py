@@ -20,7 +20,7 @@ from typing import Any, ClassVar, Literal, final
 
 from wbc import checks
 from wbc.models.model import RobotModel, RobotState
-from wbc.stack.member import EFFORTS, Member
+from wbc.stack.member import EFFORTS, Member, setting
 from wbc.stack.objective import Objective
 from wbc.stack.task_rows import FilledRows
 from wbc.types import Index, Mat, Vec
@@ -116,16 +116,12 @@ class Barrier(Constraint):
     def __init__(self, *, rate: float = 10.0, slack: float | None = None, name: str | None = None) -> None:
         super().__init__(name=name)
         self.rate = rate
-        self.slack = None if slack is None else checks.number(f"{self.name}.slack", slack, low=0.0, strict=True)
+        self.slack = None if slack is None else self._positive("slack", slack)
 
-    @property
-    def rate(self) -> float:
-        """γ [1/s]; may be assigned between ticks."""
-        return self._rate
+    def _positive(self, what: str, value: Any) -> float:
+        return checks.number(f"{self.name}.{what}", value, low=0.0, strict=True)
 
-    @rate.setter
-    def rate(self, value: float) -> None:
-        self._rate = checks.number(f"{self.name}.rate", value, low=0.0, strict=True)
+    rate = setting("rate", "γ [1/s]; may be assigned between ticks.", _positive)
 
     @abstractmethod
     def fill(self, state: RobotState, out: BarrierRows) -> None:

@@ -15,7 +15,7 @@ from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.friction import Pyramid
 from wbc.models.model import RobotModel, RobotState
-from wbc.stack.member import Member
+from wbc.stack.member import Member, setting
 from wbc.stack.task_rows import TaskRows
 from wbc.stack.tracking import pose_target
 from wbc.types import Index, Mat, Vec
@@ -100,62 +100,32 @@ class Contact(Member):
         self.f_max, self.f_min = f_max, f_min
         self.target = target
 
-    @property
-    def target(self) -> Anchor | None:
-        """The pose at which the contact is held, read when it is made; None: the pose of the frame at that time."""
-        return self._target
-
-    @target.setter
-    def target(self, value: Any) -> None:
+    def _pose(self, what: str, value: Any) -> Anchor | None:
         if _is_position(value) and self.dim != 3:
-            raise InvalidInput(f"{self.name}.target is a position; a contact of {self.dim} rows needs a pose")
-        self._target = None if value is None else _as_anchor(f"{self.name}.target", value)
+            raise InvalidInput(f"{self.name}.{what} is a position; a contact of {self.dim} rows needs a pose")
+        return None if value is None else _as_anchor(f"{self.name}.{what}", value)
 
-    @property
-    def kp(self) -> float:
-        """Gain on what the contact has moved [1/s²]; may be assigned between ticks, as may ``kd``."""
-        return self._kp
+    def _gain(self, what: str, value: Any) -> float:
+        return checks.number(f"{self.name}.{what}", value, low=0.0)
 
-    @kp.setter
-    def kp(self, value: float) -> None:
-        self._kp = checks.number(f"{self.name}.kp", value, low=0.0)
-
-    @property
-    def kd(self) -> float:
-        """Gain on the velocity of the contact [1/s]; critical where none was given to the constructor."""
-        return self._kd
-
-    @kd.setter
-    def kd(self, value: float) -> None:
-        self._kd = checks.number(f"{self.name}.kd", value, low=0.0)
-
-    @property
-    def f_min(self) -> float | None:
-        """Least normal force [N]; None: the bound of the friction cone, usually 0."""
-        return self._f_min
-
-    @f_min.setter
-    def f_min(self, value: float | None) -> None:
-        self._f_min = self._force_bound("f_min", value, value, self._f_max)
-
-    @property
-    def f_max(self) -> float | None:
-        """Largest normal force [N]; None: no bound."""
-        return self._f_max
-
-    @f_max.setter
-    def f_max(self, value: float | None) -> None:
-        self._f_max = self._force_bound("f_max", value, self._f_min, value)
-
-    def _force_bound(self, what: str, value: Any, low: Any, high: Any) -> float | None:
+    def _force_bound(self, what: str, value: Any) -> float | None:
         if value is None:
             return None
         if self.bilateral:
             raise InvalidInput(f"{self.name}.{what}: it pushes and pulls; give force_weight")
-        found = checks.number(f"{self.name}.{what}", value, low=0.0)
+        found = self._gain(what, value)
+        low, high = (found, self._f_max) if what == "f_min" else (self._f_min, found)
         if low is not None and high is not None and low > high and not self._is_copy:
             raise InvalidInput(f"{self.name} is left no normal force: f_min is {low:g} N, above f_max, {high:g} N")
         return found
+
+    target = setting(
+        "target", "The pose at which the contact is held, read when it is made; None: that of the frame then.", _pose
+    )
+    kp = setting("kp", "Gain on what the contact has moved [1/s²]; may be assigned between ticks, as ``kd``.", _gain)
+    kd = setting("kd", "Gain on the velocity of the contact [1/s]; critical where none was given at first.", _gain)
+    f_min = setting("f_min", "Least normal force [N]; None: the bound of the friction cone, usually 0.", _force_bound)
+    f_max = setting("f_max", "Largest normal force [N]; None: no bound.", _force_bound)
 
     @property
     def short_name(self) -> str:

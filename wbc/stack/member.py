@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from enum import Enum
 from inspect import get_annotations
+from operator import attrgetter
 from threading import Lock
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar, cast, final
 from weakref import WeakSet
@@ -57,6 +58,15 @@ class _Built(TellsArguments):
             made.__dict__["_settings"] = frozenset(name for name in made.__dict__ if name[0] != "_") - _STRUCTURE
             made.__dict__["_role"] = _Role.SETTINGS
             return made
+
+
+def setting(name: str, about: str, read: Callable[[Any, str, Any], Any]) -> Any:
+    """A setting that may be assigned between ticks: it is, and ``_name`` holds, ``read(member, name, value)``."""
+
+    def assign(member: Member, value: Any) -> None:
+        setattr(member, f"_{name}", read(member, name, value))
+
+    return property(attrgetter(f"_{name}"), assign, doc=about)
 
 
 class Member(metaclass=_Built):

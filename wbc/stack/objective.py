@@ -10,21 +10,8 @@ import numpy as np
 from wbc import checks
 from wbc.errors import InvalidInput, UnknownName
 from wbc.stack.by_name import ByName
-from wbc.stack.member import Member
+from wbc.stack.member import Member, setting
 from wbc.types import Vec
-
-
-def row_numbers(name: str, about: str, *, optional: bool = False) -> Any:
-    """A setting of a number for all rows, one for each, or by label; None, if it is optional."""
-
-    def read(task: Objective) -> float | Vec | ByName | None:
-        found: float | Vec | ByName | None = getattr(task, f"_{name}")
-        return found
-
-    def assign(task: Objective, value: Any) -> None:
-        setattr(task, f"_{name}", None if value is None and optional else task._numbers(name, value))
-
-    return property(read, assign, doc=about)
 
 
 class Objective(Member):
@@ -48,8 +35,6 @@ class Objective(Member):
         self._name = name
         self.weight = weight
 
-    weight = row_numbers("weight", "Weight of the squared error, scalar, (dim,) or by label.")
-
     def _numbers(self, what: str, value: Any) -> float | Vec | ByName:
         """A weight or gain as it is given: >= 0, and of the right size or labels as soon as these are known."""
         name = f"{self.name}.{what}"
@@ -65,14 +50,11 @@ class Objective(Member):
             self._rows(what, given)
         return given
 
-    @property
-    def active(self) -> bool:
-        """Whether the task counts in the cost; as a constraint (``exactly``) it holds whatever this says."""
-        return self._active
+    def _truth(self, what: str, value: Any) -> bool:
+        return checks.truth(f"{self.name}.{what}", value)
 
-    @active.setter
-    def active(self, value: bool) -> None:
-        self._active = checks.truth(f"{self.name}.active", value)
+    weight = setting("weight", "Weight of the squared error, scalar, (dim,) or by label.", _numbers)
+    active = setting("active", "Whether it counts in the cost; as a constraint (``exactly``) it holds anyway.", _truth)
 
     def weights(self) -> Vec:
         """The weight of each row (dim,), zero when inactive."""

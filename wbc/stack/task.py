@@ -19,8 +19,8 @@ from wbc.stack.by_name import ByName
 from wbc.stack.constraint import Barrier, BarrierRows, ConstraintRows, LinearConstraint
 from wbc.stack.contact import Anchor, Contact
 from wbc.stack.kernel_rows import KernelRows, kernel_rows_of
-from wbc.stack.member import EFFORTS, Member
-from wbc.stack.objective import Objective, row_numbers
+from wbc.stack.member import EFFORTS, Member, setting
+from wbc.stack.objective import Objective
 from wbc.stack.task_rows import FilledRows, TaskRows
 from wbc.types import Index, Mat, Vec
 
@@ -62,9 +62,14 @@ class Task(Objective):
         super().__init__(name=name, weight=weight)
         self.kp, self.kd, self.rate = kp, kd, rate
 
-    kp = row_numbers("kp", "Gain on the error [1/s²]; may be assigned between ticks, as may ``kd`` and ``rate``.")
-    kd = row_numbers("kd", "Gain on the error's rate [1/s]; None: critical, 2 √kp.", optional=True)
-    rate = row_numbers("rate", "Gain at the velocity level [1/s]; None: kp / kd.", optional=True)
+    def _optional(self, what: str, value: Any) -> float | Vec | ByName | None:
+        return None if value is None else self._numbers(what, value)
+
+    kp = setting(
+        "kp", "Gain on the error [1/s²]; may be assigned between ticks, as may ``kd`` and ``rate``.", Objective._numbers
+    )
+    kd = setting("kd", "Gain on the error's rate [1/s]; None: critical, 2 √kp.", _optional)
+    rate = setting("rate", "Gain at the velocity level [1/s]; None: kp / kd.", _optional)
 
     def gains(self) -> tuple[Vec, Vec, Vec]:
         """kp, kd and rate of each row, (dim,) each; a rate is infinite where kp > 0 and kd = 0 and none was given."""
