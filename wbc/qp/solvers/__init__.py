@@ -12,20 +12,16 @@ from collections.abc import Mapping
 
 from wbc.errors import UnknownSolver
 from wbc.qp.solver import Solver
-from wbc.qp.solvers.clarabel_ import Clarabel
-from wbc.qp.solvers.daqp_ import Daqp
-from wbc.qp.solvers.guarded import Guarded
-from wbc.qp.solvers.osqp_ import Osqp
-from wbc.qp.solvers.pdas import Pdas
-from wbc.qp.solvers.piqp_ import Piqp
-from wbc.qp.solvers.proxqp_ import ProxQp
-from wbc.qp.solvers.qpsolvers_ import BACKENDS, QpSolvers
-from wbc.qp.solvers.quadprog_ import Quadprog
-
-__all__ = [
-    "EXTRAS", "SOLVERS", "Clarabel", "Daqp", "Guarded", "Osqp", "Pdas", "Piqp", "ProxQp", "QpSolvers", "Quadprog",
-    "by_name", "names", "usable",
-]  # fmt: skip
+from wbc.qp.solvers.clarabel_ import Clarabel as Clarabel
+from wbc.qp.solvers.daqp_ import Daqp as Daqp
+from wbc.qp.solvers.guarded import Guarded as Guarded
+from wbc.qp.solvers.osqp_ import Osqp as Osqp
+from wbc.qp.solvers.pdas import Pdas as Pdas
+from wbc.qp.solvers.piqp_ import Piqp as Piqp
+from wbc.qp.solvers.proxqp_ import ProxQp as ProxQp
+from wbc.qp.solvers.qpsolvers_ import BACKENDS
+from wbc.qp.solvers.qpsolvers_ import QpSolvers as QpSolvers
+from wbc.qp.solvers.quadprog_ import Quadprog as Quadprog
 
 #: Every known solver with the settings that a name stands for.
 SOLVERS: tuple[Solver, ...] = (
