@@ -118,16 +118,12 @@ class Command:
         self._f: Forces | None = None
         self._solution: Solution | None = None
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> tuple[None, dict[str, Any]]:
         """The values alone: a copy, or a pickle, is apart from the controller."""
         made = ("certificate", "levels", "tau", "a", "v", "q", "f", "forces")
         kept = ("_before", "_solution", "fallback_level", "status")
         values = {f"_{name}": getattr(self, name) for name in made} | {name: getattr(self, name) for name in kept}
-        return values | {"_controller": None, "_serial": -1}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        for name, value in state.items():
-            setattr(self, name, value)
+        return None, values | {"_controller": None, "_serial": -1}
 
     @property
     def _owner(self) -> Owner:

@@ -11,6 +11,7 @@ import csv
 import json
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
+from itertools import pairwise
 from math import isnan
 from operator import itemgetter
 from pathlib import Path
@@ -250,8 +251,8 @@ class Recorder:
     """
 
     __slots__ = (
-        "_full", "_integers", "_numbers", "_pick_numbers", "_pick_vectors", "_place", "_sizes", "_ticks", "_vectors",
-        "capacity", "rows",
+        "_full", "_integers", "_memory", "_pick_numbers", "_pick_vectors", "_place", "_sizes", "_ticks", "capacity",
+        "rows",
     )  # fmt: skip
 
     def __init__(self, capacity: int) -> None:
@@ -261,12 +262,12 @@ class Recorder:
         if self.capacity != capacity:
             raise InvalidInput(f"capacity is {capacity!r}; it must be a whole number of rows, at least 1")
         self.rows = 0
-        #: Numbers and vectors of the rows before those that are written into now.
-        self._full: list[tuple[Mat, Mat]] = []
-        # All numbers of a row lie side by side, so that an ordinary row is two copies, not one for each column.
-        self._numbers: Mat = np.empty((self.capacity, 0))
-        self._vectors: Mat = np.empty((self.capacity, 0))
-        self._place: dict[str, tuple[bool, slice]] = {}
+        #: The rows before those that are written into now.
+        self._full: list[Mat] = []
+        # A row is its numbers, then its vectors: an ordinary one is two copies, not one for each column.
+        self._memory: Mat = np.empty((self.capacity, 0))
+        #: Where each column stands in a row.
+        self._place: dict[str, int | slice] = {}
         self._ticks: Ticks | None = None
 
     def tick(self, controller: Controller | Setpoint, t: float, q: Vec, v: Vec, **more: float | Vec) -> Command:
@@ -332,14 +333,15 @@ class Recorder:
         if self.rows == 0:
             self._lay_out(row)
         elif i == self.capacity:
-            self._full.append((self._numbers, self._vectors))
-            self._numbers, self._vectors, i = np.empty_like(self._numbers), np.empty_like(self._vectors), 0
+            self._full.append(self._memory)
+            self._memory, i = np.empty_like(self._memory), 0
         try:
             vectors = self._pick_vectors(row)
             if len(row) == len(self._place) and list(map(len, vectors)) == self._sizes:
-                self._numbers[i] = self._pick_numbers(row)
+                first = len(row) - len(vectors)
+                self._memory[i, :first] = self._pick_numbers(row)
                 if vectors:
-                    np.concatenate(vectors, out=self._vectors[i])
+                    np.concatenate(vectors, out=self._memory[i, first:])
                 self.rows += 1
                 return
         except (KeyError, TypeError, ValueError, OverflowError):
@@ -357,15 +359,9 @@ class Recorder:
         """
         meta = {} if meta is None else checks.instance("meta", meta, Mapping, "a mapping of names")
         n = self.rows
-        begun = n - len(self._full) * self.capacity
-        parts = [*self._full, (self._numbers[:begun], self._vectors[:begun])]
-        columns: dict[str, Column] = {}
-        for name, (scalar, where) in self._place.items():
-            if not scalar:
-                columns[name] = np.concatenate([vectors[:, where] for _, vectors in parts])
-                continue
-            values = np.concatenate([numbers[:, where.start] for numbers, _ in parts])
-            columns[name] = _whole(values) if name in self._integers else values
+        parts = [*self._full, self._memory[: n - len(self._full) * self.capacity]]
+        columns = {name: np.concatenate([part[:, place] for part in parts]) for name, place in self._place.items()}
+        columns |= {name: _whole(columns[name]) for name in self._integers}
         if self._ticks is None:
             return Run(columns, with_more({}, meta))
         from wbc.control.ticks import about
@@ -383,20 +379,18 @@ class Recorder:
             raise InvalidInput(f"column {odd[0]!r} has shape {np.shape(row[odd[0]])}; a value is a number or (k,)")
         self._integers = frozenset(name for name in numbers if isinstance(row[name], int | np.integer))
         self._sizes = [len(np.asarray(row[name])) for name in vectors]
-        places = {name: (True, slice(k, k + 1)) for k, name in enumerate(numbers)}
-        for name, size, end in zip(vectors, self._sizes, np.cumsum(self._sizes).tolist(), strict=True):
-            places[name] = False, slice(end - size, end)
+        places: dict[str, int | slice] = {name: k for k, name in enumerate(numbers)}
+        ends = np.cumsum([len(numbers), *self._sizes]).tolist()
+        places |= {name: slice(*own) for name, own in zip(vectors, pairwise(ends), strict=True)}
         self._place = {name: places[name] for name in row}
-        self._numbers = np.empty((self.capacity, len(numbers)))
-        self._vectors = np.empty((self.capacity, sum(self._sizes)))
+        self._memory = np.empty((self.capacity, ends[-1]))
         self._pick_numbers, self._pick_vectors = _getter(numbers), _getter(vectors)
 
     def _append_slowly(self, i: int, row: Row) -> None:
         values = {name: self._checked(name, value) for name, value in row.items()}
-        self._numbers[i] = self._vectors[i] = np.nan
+        self._memory[i] = np.nan
         for name, value in values.items():
-            scalar, where = self._place[name]
-            (self._numbers if scalar else self._vectors)[i, where] = value
+            self._memory[i, self._place[name]] = value
         self.rows += 1
 
     def _checked(self, name: str, value: float | Vec) -> Vec:
@@ -413,10 +407,10 @@ class Recorder:
 
     def _shape(self, name: str) -> tuple[int, ...] | None:
         """Of a column, fixed by the first row; None where there is none."""
-        scalar, where = self._place.get(name, (False, None))
-        if where is None:
-            return None
-        return () if scalar else (where.stop - where.start,)
+        place = self._place.get(name)
+        if isinstance(place, slice):
+            return (place.stop - place.start,)
+        return None if place is None else ()
 
     @property
     def grown(self) -> int:
