@@ -39,26 +39,16 @@ class Actuators:
         share: (nj,), each between 0 and 1.
         offset: (nj,) [N m, N].
 
-    Raises:
-        InvalidInput: another size, a share that is not between 0 and 1, an offset that is not finite.
-
     Example:
         >>> import numpy as np
         >>> from wbc.stack.overrides import Actuators
-        >>> motors = Actuators([1.0, 0.5], [0.0, 1.0])
+        >>> motors = Actuators(np.array([1.0, 0.5]), np.array([0.0, 1.0]))
         >>> motors.command(np.array([3.0, 3.0])), motors.torque(np.array([3.0, 8.0]))
         (array([3., 8.]), array([3., 3.]))
     """
 
-    def __init__(self, share: Any, offset: Any) -> None:
-        #: (nj,), read-only.
-        self.share = checks.array("share", share, (None,))
-        #: (nj,) [N m, N], read-only.
-        self.offset = checks.array("offset", offset, self.share.shape)
-        wrong = ~((self.share >= 0.0) & (self.share <= 1.0))
-        if wrong.any():
-            i = int(np.argmax(wrong))
-            raise InvalidInput(f"share[{i}] is {self.share[i]:g}; it must be between 0 and 1")
+    def __init__(self, share: Vec, offset: Vec) -> None:
+        self.share, self.offset = share, offset
         gives = self.share > 0.0
         self._inverse = np.divide(1.0, self.share, out=np.zeros_like(self.share), where=gives)
         self._is_sound = bool((self.share == 1.0).all() and (self.offset == 0.0).all())
