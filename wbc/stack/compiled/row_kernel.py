@@ -7,54 +7,52 @@ Matrices of Pinocchio are stored column by column, so that an array made of its 
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
-from wbc.compiled import call_at, carray, floats, integers, kernel, small_kernel
+from wbc.compiled import Layout, call_at, carray, floats, kernel
 from wbc.stack.compiled.geometry import cross, plus, three
 from wbc.types import Index, Mat, Vec
 
 #: What a thing is.
 FRAME, CENTRE, MOMENTUM = 0, 1, 2
-#: Numbers in the table of a thing before the columns that move it; addresses of an item, numbers to work in.
-THING, ADDRESSES, WORK = 8, 23, 24
+#: Numbers in the table of a thing before the columns that move it: what it is, how many columns move it, addresses of
+#: rotation, position, velocity, acceleration and columns.
+THING = 8
 
 
 class Rows(NamedTuple):
-    """What a kernel reads (of each thing) and what it writes."""
+    """What a kernel reads (of each of n things) and what it writes."""
 
-    place: Mat  # (things, 12): rotation by rows, position in the world
-    motion: Mat  # (things, 12): velocity J v and, at a = 0, its rate J̇ v; zero where velocities are decided
-    numbers: Vec  # settings
-    value: Vec  # the target
-    rate: Vec  # its rate
-    second: Vec  # and its acceleration
-    q: Vec  # joints (nj,)
-    v: Vec  # and their velocities
-    other: Mat  # (3, 3) and
-    origin: Vec  # (3,): the anchor of a contact, its rotation stored by columns
-    e: Vec
-    C: Mat  # (dim, 6 things), or A of a force, zero
-    bent: Vec  # (dim,), zero
-    rate_ref: Vec  # (dim,), zero
-    acc_ref: Vec  # (dim,), zero
-    work: Vec  # (24,): memory
-    bias: Vec  # (nv,): gravity, or all of h
+    place: Annotated[Mat, "n, 12"]  # rotation by rows, position in the world
+    motion: Annotated[Mat, "n, 12"]  # velocity J v and, at a = 0, its rate J̇ v; zero where velocities are decided
+    numbers: Annotated[Vec, "settings"]
+    value: Annotated[Vec, "values"]  # the target
+    rate: Annotated[Vec, "rates"]  # its rate
+    second: Annotated[Vec, "rates"]  # and its acceleration
+    q: Annotated[Vec, "nj"]  # joints
+    v: Annotated[Vec, "nj"]  # and their velocities
+    other: Annotated[Mat, "3, 3"]  # the anchor of a contact: its rotation stored by columns
+    origin: Annotated[Vec, "3"]  # and its position
+    e: Annotated[Vec, "dim"]
+    C: Annotated[Mat, "dim, width"]  # width 6 n, or that of A of a force; zero
+    bent: Annotated[Vec, "dim"]  # zero
+    rate_ref: Annotated[Vec, "dim"]  # zero
+    acc_ref: Annotated[Vec, "dim"]  # zero
+    drift: Annotated[Vec, "dim"]
+    work: Annotated[Vec, "24"]
+    bias: Annotated[Vec, "nv"]  # gravity, or all of h
+    velocity: Annotated[Vec, "nv"]  # all velocities
+    things: Annotated[Index, f"n, {THING} + nv"]  # of each its table
+    placements: Annotated[Mat, "n, 12"]  # of frames, on their joints
+    sizes: Annotated[Index, "12"]  # see :func:`write`
 
 
-@small_kernel
-def rows(at: int) -> Rows:
-    """What stands at ``at``; see :func:`write`."""
-    m = carray(integers(at), ADDRESSES)
-    sizes = carray(integers(m[0]), 11)
-    dim, things, n, n_value, n_rate, nj = sizes[1], sizes[2], sizes[6], sizes[7], sizes[8], sizes[9]
-    return Rows(
-        carray(floats(m[3]), (things, 12)), carray(floats(m[4]), (things, 12)), carray(floats(m[12]), n),
-        carray(floats(m[13]), n_value), carray(floats(m[14]), n_rate), carray(floats(m[15]), n_rate),
-        carray(floats(m[16]), nj), carray(floats(m[17]), nj), carray(floats(m[18]), (3, 3)), carray(floats(m[19]), 3),
-        carray(floats(m[8]), dim), carray(floats(m[5]), (dim, sizes[10])), carray(floats(m[6]), dim),
-        carray(floats(m[10]), dim), carray(floats(m[11]), dim), carray(floats(m[21]), WORK),
-        carray(floats(m[22]), sizes[3]),
-    )  # fmt: skip
+LAYOUT = Layout(
+    Rows, dim="sizes[1]", n="sizes[2]", nv="sizes[3]", settings="sizes[6]", values="sizes[7]", rates="sizes[8]",
+    nj="sizes[9]", width="sizes[10]",
+)  # fmt: skip
+#: In a kernel: the arrays at an address.
+rows = LAYOUT.views
 
 
 @kernel
@@ -130,41 +128,31 @@ def _see_whole(thing: Index, nv: int, velocity: Vec, place: Vec, motion: Vec) ->
 def write(at: int) -> int:
     """Write the rows of one member.
 
-    At ``at``: sizes (address of the kernel, rows, things, nv, columns of G or 0 where J stays as it is, whether
-    accelerations are decided, numbers, target, its rate, nj, columns of C); of each thing its kind, how many columns
-    move it, addresses of rotation, position, velocity, acceleration and columns, and which columns; placements of
-    frames; the memory of :class:`Rows`: places, motions, C, bent; the first row of J; e, drift, rate_ref, acc_ref;
-    numbers, target, its rate and acceleration; joints, their velocities, rotation and position of an anchor, all
-    velocities; memory; bias.
+    ``sizes``: place of the kernel, rows, things, nv, columns of G or 0 where J stays as it is, whether accelerations
+    are decided, numbers, target, its rate, nj, columns of C, address of the first row of J.
     """
-    m = carray(integers(at), ADDRESSES)
-    sizes = carray(integers(m[0]), 11)
-    dim, n, nv, columns, second = sizes[1], sizes[2], sizes[3], sizes[4], sizes[5] > 0
-    things, placements = carray(integers(m[1]), (n, THING + nv)), carray(floats(m[2]), (n, 12))
-    places, motions = carray(floats(m[3]), (n, 12)), carray(floats(m[4]), (n, 12))
-    C, bent = carray(floats(m[5]), (dim, sizes[10])), carray(floats(m[6]), dim)
-    rate_ref, acc_ref = carray(floats(m[10]), dim), carray(floats(m[11]), dim)
-    velocity = carray(floats(m[20]), nv)
-    motions[:], C[:], bent[:], rate_ref[:], acc_ref[:] = 0.0, 0.0, 0.0, 0.0, 0.0
-    for k in range(n):
-        if things[k, 0] == FRAME:
-            _see_frame(things[k], placements[k], second, places[k], motions[k])
+    k = rows(at)
+    dim, n, nv, columns, second = k.sizes[1], k.sizes[2], k.sizes[3], k.sizes[4], k.sizes[5] > 0
+    k.motion[:], k.C[:], k.bent[:], k.rate_ref[:], k.acc_ref[:] = 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(n):
+        if k.things[i, 0] == FRAME:
+            _see_frame(k.things[i], k.placements[i], second, k.place[i], k.motion[i])
         else:
-            _see_whole(things[k], nv, velocity, places[k], motions[k])
-    if call_at(sizes[0], at) != 1:
+            _see_whole(k.things[i], nv, k.velocity, k.place[i], k.motion[i])
+    if call_at(k.sizes[0], at) != 1:
         return 0
     if columns == 0:
         return 1
-    J, drift = carray(floats(m[7]), (dim, columns)), carray(floats(m[9]), dim)
+    J = carray(floats(k.sizes[11]), (dim, columns))
     for r in range(dim if n > 1 else 0):
         for c in range(nv):
             J[r, c] = 0.0
-    for k in range(n):
-        _write_columns(C, 6 * k, things[k], places[k], nv, n > 1, J)
+    for i in range(n):
+        _write_columns(k.C, 6 * i, k.things[i], k.place[i], nv, n > 1, J)
     if second:
         for r in range(dim):
-            drift[r] = bent[r]
-            for k in range(n):
-                for i in range(6):
-                    drift[r] += C[r, 6 * k + i] * motions[k, 6 + i]
+            k.drift[r] = k.bent[r]
+            for i in range(n):
+                for c in range(6):
+                    k.drift[r] += k.C[r, 6 * i + c] * k.motion[i, 6 + c]
     return 1

@@ -66,26 +66,25 @@ class Item:
         places = (np.split(value, np.cumsum(n_value)), *(np.split(a, np.cumsum(n_rate)) for a in (rate, moved)))
         self.targets = [Following(*one) for one in zip(said.follows, *places, strict=False)]
         self.numbers = np.array(said.numbers, dtype=np.float64)
-        self.places, self.motions, placements = np.zeros((3, n, 12))
-        self.C, self.bent = np.zeros((dim, 6 * n)) if A is None else A, np.zeros(dim)
+        self.C, placements = np.zeros((dim, 6 * n)) if A is None else A, np.zeros((n, 12))
         things = np.zeros((n, row_kernel.THING + model.nv), dtype=np.int64)
         owners = [_placed(things[k], placements[k], thing, state) for k, thing in enumerate(said.of)]
-        J: Mat | None = getattr(rows, "J", None)
-        if J is not None and said.of:
+        J: Mat = getattr(rows, "J", np.zeros((0, 0)))
+        if J.size and said.of:
             J[:] = 0.0  # kernels write the columns that move something
-        width = J.strides[0] // J.itemsize if J is not None and said.of else 0
+        width = J.strides[0] // J.itemsize if J.size and said.of else 0
         sizes = [
             self.kernel.place, dim, n, model.nv, width, bool(second), len(self.numbers), len(value), len(rate),
-            model.nj, self.C.shape[1],
+            model.nj, self.C.shape[1], J.__array_interface__["data"][0],
         ]  # fmt: skip
         anchor = Anchor(np.eye(3), np.zeros(3)) if anchor is None else anchor
-        self.memory = Memory(
-            np.array(sizes, dtype=np.int64), things, placements, self.places, self.motions, self.C, self.bent,
-            np.zeros(1) if J is None else J, rows.e, rows.drift, rows.rate_ref, rows.acc_ref, self.numbers, value, rate,
-            moved, np.asarray(state.q_joints), np.asarray(state.v_joints), anchor.rotation, anchor.position,
-            np.asarray(state.v), np.zeros(row_kernel.WORK), np.asarray(getattr(state, said.bias)),
+        memory = row_kernel.LAYOUT.arrays(
+            np.array(sizes, dtype=np.int64), things=things, placements=placements, C=self.C, e=rows.e, drift=rows.drift,
+            rate_ref=rows.rate_ref, acc_ref=rows.acc_ref, numbers=self.numbers, value=value, rate=rate, second=moved,
+            q=state.q_joints, v=state.v_joints, velocity=state.v, bias=np.asarray(getattr(state, said.bias)),
+            other=anchor.rotation.T, origin=anchor.position,
         )  # fmt: skip
-        self._kept = owners, anchor
+        self.memory, self._kept = Memory(*memory), (owners, anchor, J)
 
     def take(self, block: Block) -> None:
         """Read the settings again."""
