@@ -272,8 +272,8 @@ class Controller(Solving, metaclass=TellsArguments):
             return self.fallbacks.descend(status, moment)
         if plan.intervals.recovering:
             self.why = plan.intervals.recovery(state.q_joints)
-        if plan.barriers and (notes := plan.notes):
-            self.why = "; ".join([*([self.why] if self.why else []), *notes])
+        if plan.barriers:
+            self.why = "; ".join(filter(None, [self.why, *(block.says.note for block in plan.barriers)]))
         self._solved = plan
         command = self.decode(moment)
         if self.fallbacks.failures:

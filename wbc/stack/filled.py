@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from math import inf
 
 import numpy as np
 
@@ -12,10 +13,10 @@ from wbc.qp.problem import Row
 from wbc.qp.rows import RowProblem
 from wbc.stack.block import Block, RowBlock
 from wbc.stack.compiled.fill_kernel import ROW_SPOILT
-from wbc.stack.constraint import Barrier
+from wbc.stack.constraint import Barrier, JointInterval, TorqueBySpeed
 from wbc.stack.layout import Layout
 from wbc.stack.motion import MotionRows
-from wbc.stack.owner import owner
+from wbc.stack.overrides import Overrides
 from wbc.stack.plan_view import PlanView
 from wbc.stack.tracking import Tracking
 from wbc.tolerances import MODERATE
@@ -75,11 +76,6 @@ class Filled(PlanView):
         """Each barrier and its h (dim,), a copy, in the state that was filled last."""
         return {block.says.name: (block.says, block.out.h.copy()) for block in self.barriers}
 
-    @property
-    def notes(self) -> list[str]:
-        """What barriers have to say of the state that was filled last, beside their rows."""
-        return [block.says.note for block in self.barriers if block.says.note]
-
     def pressed(self) -> list[int]:
         """The unknowns that are normal forces."""
         return [int(i) for i in self._normal] if self.level.dynamics else []
@@ -117,7 +113,7 @@ class Filled(PlanView):
             quantity = "torque"
         if quantity:
             limits, said = self.layout.joint_limits, self.applied.said
-            name = owner(quantity, joint, limits, said, upper=upper, v=state.v_joints)
+            name = _owner(quantity, joint, limits, said, upper=upper, v=state.v_joints)
             return row._replace(owner=name or row.owner)
         for block in self.barriers:
             at = p.range.start + place
@@ -131,3 +127,43 @@ def _spoilt(block: Block | None, row: str, size: float) -> InvalidInput:
     if block is not None and isinstance(block.says, Tracking) and not block.says.is_target_finite:
         return InvalidInput(f"target of {row} is not finite")
     return InvalidInput(f"{row} is {'too large' if size < np.inf else 'not finite'}")
+
+
+def _owner(
+    quantity: str, joint: int, limits: Sequence[tuple[JointInterval, Vec, Vec]],
+    said: Sequence[tuple[str, Overrides]], *, upper: bool, v: Vec,
+) -> str:  # fmt: skip
+    """The name of the constraint, or of the component, with the narrowest bound on a quantity of a joint; of equal
+    bounds the first. "" where nothing limits the quantity.
+
+    Args:
+        quantity: "torque", "position", "velocity", "acceleration" or "jerk".
+        joint: its index.
+        limits: the constraints of the stack, with their bounds (nj,).
+        said: the overrides of this tick, by the names of their components.
+        upper: the side.
+        v: velocities (nj,) of the joints, which limits of torque by speed depend on.
+    """
+    side = 1 if upper else 0
+    sign = 1.0 if upper else -1.0
+    bounds: list[tuple[float, str]] = []
+    lifted = any(joint in overrides.lifted.get(quantity, ()) for _, overrides in said)
+    for limit, *bound in limits:
+        if limit.quantity == quantity:
+            if isinstance(limit, TorqueBySpeed):
+                bound = [one.copy() for one in bound]
+                limit.narrow(v, *bound)
+            bounds.append((inf if lifted else sign * bound[side].item(joint), limit.name))
+    if quantity == "torque":
+        # What a weak motor gives at the ends of its range.
+        widest = min((bound for bound, _ in bounds), default=inf)
+        for name, overrides in said:
+            if joint in overrides.motors:
+                motor = overrides.motors[joint]
+                share, offset = motor if isinstance(motor, tuple | list) else (motor, 0.0)
+                bounds.append(((share * widest if share > 0.0 else 0.0) - sign * offset, name))
+    for name, overrides in said:
+        given = getattr(overrides, quantity, None)
+        if given is not None:
+            bounds.append((sign * float(np.broadcast_to(given[side], v.shape)[joint]), name))
+    return min(bounds, key=lambda one: one[0], default=(inf, ""))[1]

@@ -7,17 +7,17 @@ What it computes is told in four pages: :mod:`~wbc.qp.rows.compiled.equality` (t
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import final
 
 import numpy as np
 
 from wbc.compiled import Memory, place_of
-from wbc.qp.certificate import Certificate
+from wbc.qp.certificate import Bounds, Certificate
 from wbc.qp.rows.compiled.search import answer
 from wbc.qp.rows.compiled.verify import judge
 from wbc.qp.rows.compiled.work import INACCURATE, INFEASIBLE, LAYOUT, ROWS, SOLVED, VARIABLES
 from wbc.qp.rows.problem import RowProblem
-from wbc.qp.rows.proof import NUMBERS, owners_of, proven
 from wbc.qp.rows.solver import RowSolver
 from wbc.tolerances import SHARP
 from wbc.types import Index, Status, Vec
@@ -26,6 +26,8 @@ from wbc.types import Index, Status, Vec
 _PAYS = 3e5
 #: Weight of a row beside the metric, beyond which the row form loses its digits.
 _LIGHT = 1.0 / SHARP
+#: Primal, dual, gap, the scales of these two, distance and spread stand before what a unit of spread is of each row.
+_NUMBERS = 7
 #: What kernels say of an answer; FAILED whatever else they say.
 STATUS = {SOLVED: Status.SOLVED, INACCURATE: Status.INACCURATE, INFEASIBLE: Status.INFEASIBLE}
 _FAILED = Status.FAILED  # members of an Enum are slow to look up in a tick
@@ -46,12 +48,12 @@ class CoreSolver(RowSolver):
         #: Multipliers of the last answer over ``unit``: of rows [B; R; S; L], and of the bounds on x; and what they
         #: leave of its gradient in y.
         self.push, self.z, self.left = np.zeros(p.n_rows), np.zeros(p.n), np.zeros(p.n_y)
-        self._owners = owners_of(p)
+        self._owners = _owners_of(p)
         self.form = "rows" if fits_rows(p) else "variables"
         form = ROWS if self.form == "rows" else VARIABLES
         sizes = np.array([p.n_u, p.n_y, p.n_range, p.n_soft, p.n_equal, form, 0, 0, 0], dtype=np.int64)
-        self._report = np.zeros(NUMBERS + p.n_soft + p.n_y)
-        proof, reach = np.split(self._report, (NUMBERS,))
+        self._report = np.zeros(_NUMBERS + p.n_soft + p.n_y)
+        proof, reach = np.split(self._report, (_NUMBERS,))
         memory = LAYOUT.arrays(
             sizes, G=p.G, value=p.value, lower=p.lower, upper=p.upper, metric=p.metric, centre=p.centre, scale=p.scale,
             given=p.weights, reach=reach, push=self.push, z=self.z, left=self.left, proof=proof, unit=p.units,
@@ -78,7 +80,7 @@ class CoreSolver(RowSolver):
         status = STATUS.get(code, _FAILED)
         if status is not _FAILED and code != INFEASIBLE:
             numbers, owners = self._report.tobytes(), self._owners
-            self.proof = lambda: proven(numbers, owners)
+            self.proof = lambda: _proven(numbers, owners)
         else:
             self.reset()
             self.certificate = Certificate.none()
@@ -108,7 +110,7 @@ class CoreSolver(RowSolver):
         ``push`` (n_rows,) holds the pushes of range rows, tasks and equalities.
         """
         self.push[:] = push
-        return proven(self._report.tobytes(), self._owners) if judge(self.address) else Certificate.none()
+        return _proven(self._report.tobytes(), self._owners) if judge(self.address) else Certificate.none()
 
     def sharpened(self) -> Vec:
         """The pushes certified last, those of the tasks changed so that the bound is the least.
@@ -143,3 +145,31 @@ def fits_rows(problem: RowProblem) -> bool:
     pays = rows < p.n_y or rows**2 * (rows / 3.0 + p.n_y) < _PAYS
     heavy = float(p.weights.max(initial=0.0)) > _LIGHT * p.unit * float(p.metric.min(initial=np.inf))
     return pays and not heavy
+
+
+def _proven(written: bytes, owners: Mapping[str, list[int]]) -> Certificate:
+    """What the numbers prove that :mod:`wbc.qp.rows.compiled.verify` wrote, as bytes: they are kept in every tick."""
+    numbers = np.frombuffer(written)
+    primal, dual, gap, scale_dual, scale_gap, distance, spread = numbers[:_NUMBERS].tolist()
+    reach = numbers[_NUMBERS:]  # how far a row moves per unit of ``spread``
+
+    def bounds() -> Mapping[str, float]:
+        return {name: spread * float(reach[rows].max(initial=0.0)) for name, rows in owners.items()}
+
+    return Certificate(primal, dual, gap, scale_dual, scale_gap, -1, distance, 0.0, Bounds(bounds))
+
+
+def _owners_of(p: RowProblem) -> dict[str, list[int]]:
+    """Rows of each task among the soft rows and the unknowns y; without tasks, whose rows and unknowns they are."""
+    found: dict[str, list[int]] = {}
+    for level in p.levels:
+        for task in level:
+            at = task.rows or task.unknowns
+            assert at is not None
+            first = at.start - p.soft.start if task.rows else p.n_soft + at.start - p.n_u
+            found.setdefault(task.name, []).extend(range(first, first + task.dim))
+    if not found:
+        names = [*p.rows[p.soft], *p.rows[p.n_rows + p.n_u :]]
+        for i, row in enumerate(names):
+            found.setdefault(row.owner, []).append(i)
+    return found
