@@ -134,7 +134,7 @@ def test_a_row_unlike_the_first_is_refused_by_name_and_leaves_no_trace(row, mess
 def test_a_mistyped_column_names_the_near_ones():
     run = Run({"plant.slip.left": np.zeros((2, 2)), "t": np.zeros(2)})
     with pytest.raises(UnknownColumn) as caught:
-        run.column("plant.slip.lft")
+        run["plant.slip.lft"]
     assert str(caught.value) == "there is no column 'plant.slip.lft'; did you mean 'plant.slip.left'?"
     assert run.get("nothing") is None and "nothing" not in run
     assert list(run.matching("plant.slip.")) == ["left"]

@@ -268,13 +268,11 @@ class _Search:
                 broken = max(broken, worst)
             else:
                 cost += float(weights[rows] @ off**2)
-        for name, (_, margins) in plan.margins().items():
-            short = -float(margins.min(initial=0.0))
+        rooms = {name: margins for name, (_, margins) in plan.margins().items()}
+        for name, room in (rooms | {"": plan.intervals.nearest(positions)}).items():
+            short = -float(room.min(initial=0.0))
             broken = max(broken, short / MET)
             if short / MET > max(missed, 1.0):
-                missed, says = short / MET, f"{name} is missed by {short:.3g}"
-        short = -float(plan.intervals.nearest(positions).min(initial=0.0))
-        broken = max(broken, short / MET)
-        if short / MET > max(missed, 1.0):
-            missed, says = short / MET, plan.intervals.recovery(positions)
+                missed = short / MET
+                says = f"{name} is missed by {short:.3g}" if name else plan.intervals.recovery(positions)
         return _Found(q, errors, missed, says, broken, cost)

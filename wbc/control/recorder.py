@@ -90,8 +90,8 @@ class Run(Mapping[str, Column]):
                 first = next(iter(lengths))
                 raise InvalidInput(f"column {name!r} has {length} rows; {first!r} has {self.rows}: they must be equal")
 
-    def column(self, name: str) -> Column:
-        """The column called ``name``; ``run[name]`` is the same.
+    def __getitem__(self, name: str) -> Column:
+        """The column called ``name``.
 
         Raises:
             UnknownColumn: with the names that are near.
@@ -104,9 +104,6 @@ class Run(Mapping[str, Column]):
     def matching(self, prefix: str) -> dict[str, Column]:
         """Columns whose names start with ``prefix``, keyed by what follows it: ``matching("error.")``."""
         return {name[len(prefix) :]: values for name, values in self.columns.items() if name.startswith(prefix)}
-
-    def __getitem__(self, name: str) -> Column:
-        return self.column(name)
 
     def __contains__(self, name: object) -> bool:
         return name in self.columns

@@ -166,8 +166,6 @@ class Solving:
 
         Of a strict hierarchy it is the last level's, with what those above came to as equalities.
         """
-        if self.answering.answered is self.plan.problem:
-            return self.plan.qp.copy()
         return self.answering.standard_form()
 
     @property
