@@ -73,7 +73,6 @@ def test_ticks_over_budget_are_counted_and_written_down(monkeypatch: pytest.Monk
         control.tick(k * DT, ARM.q0, STILL)
     assert control.watch.over == 10
     assert control.watch.durations is not None and control.watch.durations.max == pytest.approx(2e-3)
-    assert control.watch.periods is not None and control.watch.periods.mean == pytest.approx(DT)
     assert [event.why for event in control.fallbacks.log] == ["the tick took 2 ms of 1 ms"] * 10
     assert "10 over budget" in str(control.watch)
 

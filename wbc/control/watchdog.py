@@ -75,7 +75,6 @@ class Watch:
         self._most = settings.late * dt
         self.backwards = self.stale = self.late = self.missed = self.over = 0
         self._durations: deque[float] = deque(maxlen=KEPT)
-        self._periods: deque[float] = deque(maxlen=KEPT)
         self.reset()
 
     def reset(self) -> None:
@@ -87,8 +86,6 @@ class Watch:
         """Take note of a tick at time t [s]; why its state is not to be believed, or nothing."""
         step = t - self._t
         self._t = t
-        if self.timed:
-            self._periods.append(step)
         if 0.0 < step < self._most:
             self._repeats = 0
             return ""
@@ -128,11 +125,6 @@ class Watch:
         """How long the last ticks took; None where they are not timed."""
         return times(self._durations)
 
-    @property
-    def periods(self) -> Times | None:
-        """Time between the last ticks, by their own t; None where they are not timed."""
-        return times(self._periods)
-
     def __str__(self) -> str:
         counts = f"{self.backwards} backwards, {self.stale} stale, {self.late} late ({self.missed} periods missed)"
         timed = self.durations
@@ -142,8 +134,8 @@ class Watch:
 
 
 def times(values: deque[float]) -> Times | None:
-    """Statistics of those that are numbers; None where there are none."""
-    found = np.array([value for value in values if not isnan(value)])
+    """Statistics of these; None where there are none."""
+    found = np.array(values)
     if not len(found):
         return None
     return Times(float(found.mean()), float(found.std()), float(np.percentile(found, 99)), float(found.max()))
