@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from wbc.errors import InvalidInput
-from wbc.tolerances import MET
+from wbc.tolerances import MET, SAME
 from wbc.types import Mat, Vec
 
 #: No length, angle, gain or weight that means something is larger; sums and squares of smaller ones keep their digits.
@@ -309,6 +309,19 @@ def rotation(name: str, matrix: Mat) -> None:
         raise InvalidInput(f"{name} is not a rotation: R Rᵀ differs from the identity by {off:.2g}; allowed is {MET:g}")
     if a * (e * i - f * h) < b * (d * i - f * g) - c * (d * h - e * g):
         raise InvalidInput(f"{name} is not a rotation: its determinant is -1 (a mirror image)")
+
+
+def symmetric(name: str, matrix: Mat, *, error: type[InvalidInput] = InvalidInput) -> None:
+    """Refuse a matrix (n, n) that is not symmetric but for rounding.
+
+    Raises:
+        InvalidInput, or ``error``: naming the two entries that differ most.
+    """
+    skew = np.abs(matrix - matrix.T)
+    if skew.max(initial=0.0) > SAME * np.abs(matrix).max(initial=0.0):
+        i, j = np.unravel_index(int(skew.argmax()), skew.shape)
+        entries = f"{name}[{i}, {j}] = {matrix[i, j]:g}, {name}[{j}, {i}] = {matrix[j, i]:g}"
+        raise error(f"{name} is not symmetric: {entries}")
 
 
 def gains(name: str, value: Any, size: int) -> Vec:

@@ -67,13 +67,12 @@ def test_every_argument_is_taken_or_refused_by_name(name: str, argument: str):
 
 
 def test_names_of_forms_and_numbers_of_components_are_checked_too():
-    step = methods.ProjectedGradientStep([0.1], [1.0], v_min=-1, v_max=1)
     torque = methods.WeightedTorque(np.eye(1), [0.0], [[1.0]], [1.0])
     residual = methods.MomentumResidual(gain=1.0, dt=0.1)
     residual.reset(np.zeros(2))
     calls: tuple[Callable[[Any], object], ...] = (
-        lambda form: step.solve(form=form), torque.closed_form, lambda form: torque.solve(form=form),
-        residual.restart, methods.ParameterUpdate.partial_sums, methods.PseudoInertia.metric,
+        torque.closed_form, lambda form: torque.solve(form=form), residual.restart,
+        methods.ParameterUpdate.partial_sums, methods.PseudoInertia.metric,
     )  # fmt: skip
     for call in calls:
         for junk in ("a", None, [], 1j, np.nan, -1):

@@ -92,8 +92,7 @@ class ContactEstimate(Method):
     @property
     def _curvature(self) -> Mat:
         H = self.J @ self.weight @ self.J.T
-        result: Mat = 0.5 * (H + H.T) + UNFELT * max(float(np.trace(H)), TINY) * np.eye(3)
-        return result
+        return np.asarray(0.5 * (H + H.T) + UNFELT * max(float(np.trace(H)), TINY) * np.eye(3))
 
     @property
     def _free(self) -> Vec:

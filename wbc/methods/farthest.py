@@ -33,7 +33,7 @@ from typing import final
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from wbc.methods.shared import SMALL
+from wbc.methods.shared import SMALL, largest_known
 from wbc.tolerances import NOISE, ROUNDING, SHARP
 from wbc.types import Mat, Vec
 
@@ -59,8 +59,7 @@ class Farthest:
 
     def multipliers(self, push: float) -> Vec:
         """Multipliers (m,) of the rows at this μ, positive at an upper limit: u − μ slope + Fᵀ multipliers = 0."""
-        result: Vec = push * self.pushes[:, 0] + self.pushes[:, 1]
-        return result
+        return np.asarray(push * self.pushes[:, 0] + self.pushes[:, 1])
 
 
 def farthest(start: Vec, F: Mat, lower: Vec, upper: Vec, slope: Vec, *, terms: float = 0.0) -> Farthest | None:
@@ -109,18 +108,15 @@ class _Search:
 
     def _room(self) -> Vec:
         """h (2 n,): how far each limit is from ``start``."""
-        result: Vec = self.limit - np.concatenate([self.start, -self.start])
-        return result
+        return np.asarray(self.limit - np.concatenate([self.start, -self.start]))
 
     def _from_values(self, b: Vec) -> Vec:
         """G_A# b (k,)."""
-        result: Vec = self.Q @ solve_triangular(self.R, b, trans="T") if self.held else np.zeros(len(self.slope))
-        return result
+        return np.asarray(self.Q @ solve_triangular(self.R, b, trans="T") if self.held else np.zeros(len(self.slope)))
 
     def _coefficients(self, n: Vec) -> Vec:
         """r = G_A#ᵀ n (q,)."""
-        result: Vec = solve_triangular(self.R, self.Q.T @ n) if self.held else np.zeros(0)
-        return result
+        return np.asarray(solve_triangular(self.R, self.Q.T @ n) if self.held else np.zeros(0))
 
     def _rest(self, n: Vec) -> tuple[Vec, Vec]:
         """d = n − G_Aᵀ r, zero where it is rounding, and r."""
@@ -188,7 +184,7 @@ class _Search:
         rows = [row, *self.held]
         weight = np.append(1.0, np.abs(r))
         n = len(self.start)
-        known = np.where(np.isfinite(self.limit), np.abs(self.limit), 0.0).reshape(2, n).max(axis=0)
+        known = largest_known(*self.limit.reshape(2, n))
         size = np.maximum(np.tile(known, 2)[rows], SMALL * self.length)
         part = violation / float(weight @ size) if size.any() else np.inf
         if part > WIDENED:

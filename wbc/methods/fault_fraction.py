@@ -71,8 +71,7 @@ class FaultFraction(Method):
     def identifiable(self) -> NDArray[np.bool_]:
         """Joints (n,) whose command is not zero."""
         largest = np.abs(np.concatenate([self.tau, self.residual])).max(initial=0.0)
-        result: NDArray[np.bool_] = np.abs(self.tau) > SAME * largest
-        return result
+        return np.asarray(np.abs(self.tau) > SAME * largest)
 
     def closed_form(self) -> Fraction:
         """r_i / τ_i cut to [0, 1].
@@ -90,8 +89,7 @@ class FaultFraction(Method):
         """diag(τ) l of the identifiable joints that is best without bounds: r, and what Q couples to it."""
         known = self.identifiable
         Q, coupled = self.weight[np.ix_(known, known)], self.weight[np.ix_(known, ~known)]
-        result: Vec = self.residual[known] + np.linalg.solve(Q, coupled @ self.residual[~known])
-        return result
+        return np.asarray(self.residual[known] + np.linalg.solve(Q, coupled @ self.residual[~known]))
 
     def qp(self) -> QP:
         """l of the identifiable joints: H = diag(τ) Q diag(τ), g = −diag(τ) Q r, bounds 0 and 1."""

@@ -26,7 +26,7 @@ from wbc.errors import InvalidInput
 from wbc.friction import Pyramid
 from wbc.methods.least_distance import nearest
 from wbc.methods.method import Method
-from wbc.methods.shared import SMALL, box, factors, inverse_root, metric, positive
+from wbc.methods.shared import SMALL, box, factors, inverse_root, largest_known, metric, positive
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
 from wbc.types import Mat, Vec
@@ -166,8 +166,7 @@ class ForceDistribution(Method):
         def size(f: Vec) -> float:
             return float(np.linalg.norm(factor @ f))
 
-        limits = np.abs([self.f_min, self.f_max])
-        known = size(np.where(np.isfinite(limits), limits, 0.0).max(axis=0)) or (0.0 if self.wrench.any() else 1.0)
+        known = size(largest_known(self.f_min, self.f_max)) or (0.0 if self.wrench.any() else 1.0)
         scale, reach = max(size(reference.f), SMALL * known) or 1.0, np.linalg.norm(self.G @ root, axis=1)
         inside = np.concatenate([self._pyramid()[0] @ result.f, result.f - self.f_min, self.f_max - result.f])
         found = {

@@ -26,7 +26,7 @@ import numpy as np
 
 from wbc.errors import SolverFailed
 from wbc.methods.farthest import farthest
-from wbc.methods.shared import factors, unit_lengths
+from wbc.methods.shared import factors, largest_known, unit_lengths
 from wbc.qp.problem import QP
 from wbc.qp.solver import Solver
 from wbc.qp.solvers import by_name
@@ -112,7 +112,7 @@ def nearest(
     # own numbers and those that x is a sum of.
     beyond, little = np.maximum(matrix @ x - upper, lower - matrix @ x)[kept], np.linalg.norm(matrix[kept], axis=1)
     little = np.maximum(terms_of_x * little, TINY)
-    own = np.abs(np.where(np.isfinite([lower, upper]), [lower, upper], 0.0)).max(axis=0)[kept]
+    own = largest_known(lower, upper)[kept]
     if (beyond > np.maximum(SHARP * np.maximum(little, own), TINY)).any():
         return None
     push = 2.0 * max(found.push, float(np.linalg.norm(found.u))) if (free @ pull).any() else 0.0

@@ -33,7 +33,7 @@ from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.methods.least_distance import Nearest, nearest
 from wbc.methods.method import Method
-from wbc.methods.shared import SMALL, box, factors, unit_lengths
+from wbc.methods.shared import SMALL, box, factors, largest_known, unit_lengths
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
 from wbc.tolerances import NEAR, ROUNDING, SAME, SHARP, TINY
@@ -128,7 +128,7 @@ class NullSpaceSaturation(Method):
         level = self._level
         x, scale = level.answer(solver)
         # Where drift and task cancel, x is rounding of either: a limit of 0 is then met by what is no number.
-        near = NEAR * _known(self.lower, self.upper) + ROUNDING * max(float(np.linalg.norm(x)), level.size)
+        near = NEAR * largest_known(self.lower, self.upper) + ROUNDING * max(float(np.linalg.norm(x)), level.size)
         at_limit = (x >= self.upper - near) | (x <= self.lower + near)
         return Saturation(x, scale, tuple(int(i) for i in at_limit.nonzero()[0]), not np.isnan(scale))
 
@@ -168,7 +168,7 @@ class NullSpaceSaturation(Method):
             return {"feasible": 0.0}
         level, lengths = self._level, unit_lengths(self.J)
         length, other = float(np.linalg.norm(result.x)), float(np.linalg.norm(reference.x))
-        known, size = _known(self.lower, self.upper), max(length, other, SMALL * level.size)
+        known, size = largest_known(self.lower, self.upper), max(length, other, SMALL * level.size)
         over = np.maximum(result.x - self.upper, self.lower - result.x) / np.where(known > 0.0, known, size)
         missing = (self.J @ result.x + self.drift - result.scale * self.target) / lengths
         found = {
@@ -258,7 +258,7 @@ class _Level:
         found = factors(J, of_unit_length=True)
         rows, above = (np.zeros((0, n)), np.zeros(n)) if kept is None else kept
         self.lower, self.upper, self.full = lower, upper, found.size(target) or 1.0
-        known = float(np.linalg.norm(_known(lower, upper)))
+        known = float(np.linalg.norm(largest_known(lower, upper)))
         self.size = min(self.full, known or self.full) + float(np.linalg.norm(found.solve(drift)))
         # A limit that the whole task meets exactly would else stop it or not, as rounding falls.
         part = min(LAST_BITS * found.condition, SAME)
@@ -293,13 +293,6 @@ class _Level:
         scale = found.x[-1] / self.full
         scale = 1.0 if self.full - found.x[-1] <= ROUNDING * np.linalg.norm(found.x) else float(max(scale, 0.0))
         return np.clip(found.x[:-1], self.lower, self.upper), scale
-
-
-def _known(lower: Vec, upper: Vec) -> Vec:
-    """The larger of the finite limits of each joint (n,), 0 where there is none."""
-    sides = np.abs([lower, upper])
-    result: Vec = np.where(np.isfinite(sides), sides, 0.0).max(axis=0)
-    return result
 
 
 def _task(prefix: str, J: Any, target: Any, drift: Any = None) -> tuple[Mat, Vec, Vec]:

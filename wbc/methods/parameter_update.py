@@ -172,8 +172,7 @@ class ParameterUpdate(Method):
     @property
     def _free_rate(self) -> Vec:
         """Γ Yᵀ s."""
-        result: Vec = self.gain @ (self.Y.T @ self.s)
-        return result
+        return np.asarray(self.gain @ (self.Y.T @ self.s))
 
     def _has_formula(self) -> bool:
         coupled = bool(np.count_nonzero(self.gain - np.diag(self.gain.diagonal())))

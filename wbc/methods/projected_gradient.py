@@ -30,7 +30,7 @@ from wbc.errors import InvalidInput, NotSupported
 from wbc.methods.gradient_step import Projection, Step
 from wbc.methods.least_distance import nearest
 from wbc.methods.method import Method
-from wbc.methods.shared import box, factors
+from wbc.methods.shared import box, factors, largest_known
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
 from wbc.tolerances import NEAR, ROUNDING, SHARP
@@ -125,16 +125,13 @@ class ProjectedGradientStep(Method):
     @property
     def _column(self) -> Vec:
         """v_null without what is rounding."""
-        column: Vec = np.where(self._moving, self.v_null, 0.0)
-        return column
+        return np.asarray(np.where(self._moving, self.v_null, 0.0))
 
     @property
     def _size(self) -> Vec:
         """The largest finite velocity known of each joint; what is rounding of the task's velocity is none."""
         task = np.where(np.abs(self.v_task) <= self._rounding(), 0.0, self.v_task)
-        known = np.abs([task, self.v_min, self.v_max])
-        size: Vec = np.where(np.isfinite(known), known, 0.0).max(axis=0)
-        return size
+        return largest_known(task, self.v_min, self.v_max)
 
     def _rounding(self) -> float:
         """What last bits of J move v_task by; zero where that is given."""

@@ -97,8 +97,7 @@ class PseudoInertia(Method):
     @property
     def matrix(self) -> Mat:
         """S J S (4, 4) [kg]."""
-        result: Mat = np.tensordot(self.parameters, _basis(self.length)[0], axes=1)
-        return result
+        return np.asarray(np.tensordot(self.parameters, _basis(self.length)[0], axes=1))
 
     @property
     def smallest(self) -> float:
@@ -155,8 +154,7 @@ def _scaled(parameters: Vec, length: float) -> Mat:
     J[:3, 3] = J[3, :3] = first
     J[3, 3] = m
     S = np.array([1.0 / length] * 3 + [1.0])
-    scaled: Mat = S[:, None] * J * S
-    return scaled
+    return np.asarray(S[:, None] * J * S)
 
 
 def _parameters(scaled: Mat, length: float) -> Vec:

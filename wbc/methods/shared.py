@@ -35,6 +35,12 @@ def box(size: int, **sides: Any) -> tuple[Vec, Vec]:
     return lower, upper
 
 
+def largest_known(*limits: Vec) -> Vec:
+    """The largest finite size of each entry of some limits (n,), 0 where there is none."""
+    sizes = np.abs(limits)
+    return np.asarray(np.where(np.isfinite(sizes), sizes, 0.0).max(axis=0))
+
+
 def positive(name: str, values: Vec) -> Vec:
     """``values`` (n,), each of which is positive.
 
@@ -59,10 +65,7 @@ def metric(name: str, value: Any, size: int) -> Mat:
     if given == 1:
         return np.diag(positive(name, checks.array(name, value, (size,))))
     matrix = checks.array(name, value, (size, size))
-    skew = np.abs(matrix - matrix.T)
-    if skew.max(initial=0.0) > SAME * np.abs(matrix).max(initial=0.0):
-        i, j = (int(k) for k in np.unravel_index(int(skew.argmax()), skew.shape))
-        raise InvalidInput(f"{name} is not symmetric: [{i}, {j}] is {matrix[i, j]:g}, [{j}, {i}] is {matrix[j, i]:g}")
+    checks.symmetric(name, matrix)
     matrix = 0.5 * (matrix + matrix.T)
     try:
         np.linalg.cholesky(matrix)
@@ -79,8 +82,7 @@ def root(matrix: Mat) -> Mat:
 
 def inverse_root(matrix: Mat) -> Mat:
     """R (n, n), upper triangular, with R Rᵀ = matrix⁻¹."""
-    result: Mat = solve_triangular(np.linalg.cholesky(matrix), np.eye(len(matrix)), lower=True).T
-    return result
+    return np.asarray(solve_triangular(np.linalg.cholesky(matrix), np.eye(len(matrix)), lower=True).T)
 
 
 class Factors(NamedTuple):
@@ -105,8 +107,7 @@ class Factors(NamedTuple):
 
     def unreached(self, b: Vec) -> Vec:
         """The part of b / length that A x cannot be, in coordinates of ``rest``."""
-        result: Vec = self.rest.T @ (b / self.length)
-        return result
+        return np.asarray(self.rest.T @ (b / self.length))
 
     def reaches(self, b: Vec, terms: Vec) -> bool:
         """Whether A x can be b, to the rounding of numbers of the size ``terms`` (m,) that b is a sum of."""
@@ -114,8 +115,7 @@ class Factors(NamedTuple):
 
     def solve(self, b: Vec) -> Vec:
         """The right side of V x that belongs to A x = b."""
-        result: Vec = (self.U.T @ (b / self.length)) / self.values
-        return result
+        return np.asarray((self.U.T @ (b / self.length)) / self.values)
 
     def size(self, b: Vec) -> float:
         """‖A# b‖; what rows give of b counts as zero where it is rounding."""
@@ -125,13 +125,11 @@ class Factors(NamedTuple):
 
     def inverse(self, b: Vec) -> Vec:
         """A# b, the least-squares solution of least norm."""
-        result: Vec = self.V.T @ self.solve(b)
-        return result
+        return np.asarray(self.V.T @ self.solve(b))
 
     def multipliers(self, g: Vec) -> Vec:
         """The y (m,) of least norm, rows at their lengths, with Aᵀ y = g for a g that rows of A combine to."""
-        result: Vec = (self.U @ ((self.V @ g) / self.values)) / self.length
-        return result
+        return np.asarray((self.U @ ((self.V @ g) / self.values)) / self.length)
 
     def projected(self, x: Vec) -> Vec:
         """(I − A# A) x, what A does not see of x; entries that are rounding are zero.

@@ -92,11 +92,8 @@ class _Plane:
         self._gradient()
         self._velocities()
         axes = self.axes
-        axes.set_xlim(self.low[0], self.high[0])
-        axes.set_ylim(self.low[1], self.high[1])
-        axes.set_aspect("equal")
-        axes.set_xlabel("velocity of joint 1")
-        axes.set_ylabel("velocity of joint 2")
+        axes.set(xlim=(self.low[0], self.high[0]), ylim=(self.low[1], self.high[1]), aspect="equal")
+        axes.set(xlabel="velocity of joint 1", ylabel="velocity of joint 2")
         axes.spines[["top", "right"]].set_visible(False)
         axes.axhline(0.0, color=FAINT, linewidth=0.6, zorder=1)
         axes.axvline(0.0, color=FAINT, linewidth=0.6, zorder=1)

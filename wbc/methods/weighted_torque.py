@@ -166,12 +166,10 @@ class WeightedTorque(Method):
     def _terms(self, A: Mat) -> Vec:
         """Sizes of what the right side of the rows A on the torque is a sum of."""
         rows = np.concatenate([np.abs(self.task_acceleration) + np.abs(self.drift), np.abs(self.e)])
-        result: Vec = rows + np.abs(A) @ (np.abs(self.n) + np.abs(self.tau_external))
-        return result
+        return np.asarray(rows + np.abs(A) @ (np.abs(self.n) + np.abs(self.tau_external)))
 
     def _acceleration(self, tau: Vec) -> Vec:
-        result: Vec = self._inverse @ (tau + self.tau_external - self.n)
-        return result
+        return np.asarray(self._inverse @ (tau + self.tau_external - self.n))
 
     def _cost(self, tau: Vec) -> float:
         away = tau - self.tau_0

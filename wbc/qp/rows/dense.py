@@ -141,5 +141,4 @@ def _curvature(flat: Mat, g: Vec, bent: NDArray[np.bool_], largest: float) -> Ve
     length = np.abs(flat).max(axis=0)
     steepest = (slope / length).max() or (np.inf if largest else 1.0)
     alone = np.where(bent, 1.0, (largest or np.inf) * length**2)
-    found: Vec = np.minimum(steepest * length**2, alone)
-    return found
+    return np.asarray(np.minimum(steepest * length**2, alone))

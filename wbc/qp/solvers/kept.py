@@ -127,8 +127,7 @@ class OneSided:
     def _kind(lower: Vec, upper: Vec) -> Index:
         """Bits: 1 an equation, 2 bounded above, 4 bounded below."""
         equal = lower == upper
-        kind: Index = np.where(equal, 1, 2 * np.isfinite(upper) + 4 * np.isfinite(lower))
-        return kind
+        return np.asarray(np.where(equal, 1, 2 * np.isfinite(upper) + 4 * np.isfinite(lower)))
 
     def fits(self, qp: QP) -> bool:
         """Whether another problem of this shape has the same finite sides and equations."""
@@ -140,8 +139,7 @@ class OneSided:
 
     def right_side(self, qp: QP) -> Vec:
         """[h₀; h₁]."""
-        side: Vec = np.where(self.sign > 0.0, qp.sides[1, self.item], -qp.sides[0, self.item])
-        return side
+        return np.asarray(np.where(self.sign > 0.0, qp.sides[1, self.item], -qp.sides[0, self.item]))
 
     def multipliers(self, dual: Vec) -> tuple[Vec, Vec, Vec]:
         """y, z and z_box from the multipliers of [G₀; G₁], those of G₁ not negative."""
@@ -174,8 +172,7 @@ class Pattern:
 
     def entries(self, matrix: Mat) -> Vec:
         """The values that are stored, column by column."""
-        values: Vec = matrix.ravel()[self._source]
-        return values
+        return np.asarray(matrix.ravel()[self._source])
 
     def sparse(self, matrix: Mat) -> csc_matrix:
         """The matrix in compressed columns, in memory of its own."""
