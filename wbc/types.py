@@ -33,6 +33,7 @@ limits are errors, but a torque limit of zero is a joint without a motor.
 from __future__ import annotations
 
 from enum import Enum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,14 @@ Vec = NDArray[np.float64]
 Mat = NDArray[np.float64]
 Index = NDArray[np.intp]
 Flags = NDArray[np.bool_]
+
+
+class Frozen:
+    """What is written while it is built, and frozen for everybody else."""
+
+    def _set(self, **fields: Any) -> None:
+        for name, value in fields.items():
+            object.__setattr__(self, name, value)
 
 
 class Status(Enum):

@@ -8,20 +8,16 @@ from typing import Any
 
 from wbc.qp.problem import QP
 from wbc.qp.solver import Solver
+from wbc.types import Frozen
 
 
-class Method(ABC):
+class Method(Frozen, ABC):
     """Frozen problem data. ``closed_form()`` and ``solve(solver)`` give the same kind of result.
 
     ``difference`` says how far two results are from each other, by name, each number relative to what it measures, so
     that one tolerance judges all: an unknown where it is unique, residuals and cost always.
     :func:`wbc.testing.check_method` uses it to compare the closed form with every installed solver.
     """
-
-    def _set(self, **fields: Any) -> None:
-        """Write the data while building; they are frozen for everybody else."""
-        for name, value in fields.items():
-            object.__setattr__(self, name, value)
 
     @abstractmethod
     def closed_form(self) -> Any:

@@ -15,7 +15,7 @@ from wbc.errors import InvalidInput, InvalidProblem
 from wbc.files import Place, written
 from wbc.npz import read_json, read_npz
 from wbc.tolerances import MODERATE, ROUNDING, SAME, TINY
-from wbc.types import Mat, Vec
+from wbc.types import Frozen, Mat, Vec
 
 if TYPE_CHECKING:
     import qpsolvers
@@ -53,7 +53,7 @@ class Shape(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class QP:
+class QP(Frozen):
     """minimise ½ xᵀHx + gᵀx  subject to  A x = b,  cl ≤ C x ≤ cu,  lb ≤ x ≤ ub.
 
     Shapes: H (n, n) symmetric, g (n,), A (n_eq, n), C (n_in, n). Bounds may be ±inf and stay
@@ -124,10 +124,6 @@ class QP:
         )  # fmt: skip
         self.check()
         self._refuse_non_convex()
-
-    def _set(self, **fields: Any) -> None:
-        for name, value in fields.items():
-            object.__setattr__(self, name, value)
 
     @classmethod
     def empty(cls, shape: Shape, rows: Sequence[Row] | None = None) -> QP:
@@ -240,10 +236,7 @@ class QP:
         if unequal.any():
             row = self.rows[int(unequal.argmax())]
             raise InvalidProblem(f"row {row} is an equality: its lower and upper side must be the same number")
-        asymmetry = np.abs(self.H - self.H.T)
-        if asymmetry.size and asymmetry.max() > SAME * np.abs(self.H).max():
-            i, j = np.unravel_index(int(asymmetry.argmax()), asymmetry.shape)
-            raise InvalidProblem(f"H is not symmetric: H[{i}, {j}] = {self.H[i, j]:g}, H[{j}, {i}] = {self.H[j, i]:g}")
+        checks.symmetric("H", self.H, error=InvalidProblem)
 
     def _refuse_bounds(self) -> None:
         lower, upper = self.sides

@@ -18,7 +18,7 @@ from wbc.qp.answer import Answer, Counts, Solution
 from wbc.qp.certificate import FINE, TOLERANCE, Certificate
 from wbc.qp.problem import QP, Shape, moderate
 from wbc.qp.proof import contradiction, descent
-from wbc.types import Status
+from wbc.types import Frozen, Status
 
 __all__ = ["Answer", "Counts", "Session", "Solution", "Solver"]
 
@@ -132,7 +132,7 @@ def _verdict(qp: QP, claimed: Status, proof: Certificate, tolerance: float) -> t
     return (Status.INACCURATE if claimed.ok else claimed), why
 
 
-class Solver(ABC):
+class Solver(Frozen, ABC):
     """Frozen settings of a QP solver; ``open(shape)`` gives a session with memory.
 
     ``name`` is what users type, ``requires`` the modules it needs (looked up, not imported),
@@ -200,7 +200,7 @@ class Solver(ABC):
         """
         tolerance = checks.number("tolerance", tolerance, low=0.0, strict=True)
         asked = copy(self._stopping_at(tolerance))
-        object.__setattr__(asked, "tolerance", tolerance)  # settings are frozen for everybody else
+        asked._set(tolerance=tolerance)
         return asked
 
     def _stopping_at(self, tolerance: float) -> Self:

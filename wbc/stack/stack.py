@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, final
 
@@ -13,11 +13,12 @@ from wbc.stack.constraint import Constraint
 from wbc.stack.contact import Contact
 from wbc.stack.member import Binding
 from wbc.stack.task import Exactly, Objective, force_of
+from wbc.types import Frozen
 
 
 @final
 @dataclass(frozen=True, init=False, eq=False)
-class Stack(metaclass=TellsArguments):
+class Stack(Frozen, metaclass=TellsArguments):
     """Tasks in levels, constraints, contacts and components.
 
     A flat list of tasks is one level; a list of lists is levels. Constraints and contacts stand above every level. What
@@ -52,21 +53,14 @@ class Stack(metaclass=TellsArguments):
         components: Iterable[Component] = (),
     ) -> None:
         tasks = _listed("tasks", tasks)
-        subject_to, contacts = _listed("subject_to", subject_to), _listed("contacts", contacts)
-        components = _listed("components", components)
         nested = any(isinstance(t, list | tuple) for t in tasks)
         if nested and not all(isinstance(t, list | tuple) for t in tasks):
             raise InvalidInput("tasks must be one flat list, or a list of lists (levels), not a mixture")
         levels = tuple(tuple(level) for level in tasks) if nested else (tuple(tasks),)
-        set_field = object.__setattr__
-        set_field(self, "levels", levels)
-        set_field(self, "subject_to", tuple(subject_to))
-        set_field(self, "contacts", tuple(contacts))
-        set_field(self, "components", tuple(components))
-        _only("tasks", self.tasks, Objective)
-        _only("subject_to", self.subject_to, (Constraint, Exactly))
-        _only("contacts", self.contacts, Contact)
-        _only("components", self.components, Component)
+        others = {"subject_to": subject_to, "contacts": contacts, "components": components}
+        self._set(levels=levels, **{where: tuple(_listed(where, members)) for where, members in others.items()})
+        for where in _PLACES:
+            _only(where, getattr(self, where))
         self._refuse_equal_names()
 
     @property
@@ -93,9 +87,8 @@ class Stack(metaclass=TellsArguments):
     def bound(self, binding: Binding) -> Stack:
         """The same stack of a plan's own copies of the members; components, which have memory, are the same."""
         same = object.__new__(Stack)
-        for name in ("levels", "subject_to", "contacts"):
-            object.__setattr__(same, name, binding.own(getattr(self, name)))
-        object.__setattr__(same, "components", self.components)
+        copies = {name: binding.own(getattr(self, name)) for name in ("levels", "subject_to", "contacts")}
+        same._set(**copies, components=self.components)
         return same
 
     def _refuse_equal_names(self) -> None:
@@ -126,28 +119,21 @@ def _listed(where: str, members: Any) -> list[Any]:
     raise InvalidInput(f"{where} must be a list, not {members!r}; write {where}=[…]")
 
 
-#: Where a member that stands in the wrong place belongs.
-_PLACES = (
-    (Objective, "tasks; task.exactly() makes a constraint of it"),
-    (Constraint, "subject_to"),
-    (Exactly, "subject_to"),
-    (Contact, "contacts"),
-    (Component, "components"),
-)
-
-#: What is a member of each place.
-_MEMBERS = {
-    "tasks": "a task, such as Posture(robot.q0)",
-    "subject_to": "a constraint, such as JointLimits()",
-    "contacts": "a contact, such as each of feet(robot)",
-    "components": "a component, such as ContactSchedule(…)",
+#: What may stand in each place, and what to write there.
+_PLACES: Mapping[str, tuple[Any, str]] = {
+    "tasks": (Objective, "a task, such as Posture(robot.q0)"),
+    "subject_to": ((Constraint, Exactly), "a constraint, such as JointLimits()"),
+    "contacts": (Contact, "a contact, such as each of feet(robot)"),
+    "components": (Component, "a component, such as ContactSchedule(…)"),
 }
 
 
-def _only(where: str, members: Iterable[Any], kinds: Any) -> None:
+def _only(where: str, members: Iterable[Any]) -> None:
+    kinds, such = _PLACES[where]
     for i, member in enumerate(members):
         if not isinstance(member, kinds):
             if isinstance(member, type):
                 raise InvalidInput(f"{where}[{i}] is the class {member.__name__}; write {member.__name__}(…)")
-            place = next((f"belongs in {place}" for kind, place in _PLACES if isinstance(member, kind)), "")
-            raise InvalidInput(f"{where}[{i}] is {member!r}; it {place or f'must be {_MEMBERS[where]}'}")
+            place = next((f"belongs in {one}" for one, (kind, _) in _PLACES.items() if isinstance(member, kind)), "")
+            hint = "; task.exactly() makes a constraint of it" if isinstance(member, Objective) else ""
+            raise InvalidInput(f"{where}[{i}] is {member!r}; it {place or f'must be {such}'}{hint}")

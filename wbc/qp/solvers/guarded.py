@@ -84,9 +84,8 @@ class Guarded(Solver):
 
     def __post_init__(self) -> None:
         checks.number("seconds", self.seconds, low=0.0, strict=True)
-        for attribute in ("requires", "package", "tolerance", "semidefinite", "repeatable", "offline"):
-            object.__setattr__(self, attribute, getattr(self.solver, attribute))
-        object.__setattr__(self, "name", f"guarded {self.solver.name}")
+        same = ("requires", "package", "tolerance", "semidefinite", "repeatable", "offline")
+        self._set(name=f"guarded {self.solver.name}", **{name: getattr(self.solver, name) for name in same})
 
 
 def _numbers(qp: QP) -> tuple[Mat | Vec, ...]:

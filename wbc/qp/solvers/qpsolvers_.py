@@ -120,8 +120,7 @@ class QpSolvers(Solver):
         if self.name not in BACKENDS:
             raise UnknownSolver(self.name, BACKENDS)
         backend = BACKENDS[self.name]
-        object.__setattr__(self, "requires", ("qpsolvers", backend.module))
-        object.__setattr__(self, "package", f"qpsolvers {backend.package}")
+        self._set(requires=("qpsolvers", backend.module), package=f"qpsolvers {backend.package}")
 
     @property
     def settings(self) -> dict[str, Any]:
