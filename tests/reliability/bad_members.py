@@ -14,7 +14,6 @@ import tasks as T
 import wbc
 from wbc import methods
 from wbc.qp import solvers
-from wbc.stack.interval import JointIntervals
 
 NAN, INF = np.nan, np.inf
 LEVEL = wbc.VelocityLevel()
@@ -204,17 +203,13 @@ def _limits() -> Iterator[tuple[str, Callable[[], object], tuple[str, ...]]]:
                 T.JointPositionLimits(lower=-1.0, upper=0.0, name="b"),
             ]
         ),
-        ("left no position", "lower 0.5 > upper 0"),
+        ("left no position", "lower 0.5, upper 0"),
     )
     yield (
         "torque limits at the velocity level",
         lambda: control(subject_to=[T.TorqueLimits()]),
         ("TorqueLimits", "torque", "velocity level"),
     )
-    intervals, first = JointIntervals([], arm(), 1e-3), arm().joint_names[0]
-    yield "bounds on another quantity", lambda: intervals.replace("jurk", -1.0, 1.0), ("jurk",)
-    yield "bounds replaced by crossed ones", lambda: intervals.replace("position", 1.0, -1.0), (first, "1 > upper -1")
-    yield "bounds replaced by nan", lambda: intervals.replace("velocity", NAN, 1.0), ("velocity.lower", "nan")
 
 
 def _stacks() -> Iterator[tuple[str, Callable[[], object], tuple[str, ...]]]:

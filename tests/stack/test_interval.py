@@ -287,24 +287,6 @@ def test_bounds_may_be_replaced_between_ticks_and_come_back():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (("torque", -1, 1), "quantity is 'torque'; it must be one of position, velocity, acceleration, jerk"),
-        (("velocity", 1, 2), "must be allowed a velocity of 0, not \\[1, 2\\]"),
-        (("position", 2, 1), "is left no position: lower 2 > upper 1"),
-        (("position", np.nan, 1), "lower"),
-        (("velocity", -1, [1.0, 2.0]), "velocity.upper must have shape"),
-    ],
-)
-def test_bounds_that_make_no_sense_are_refused_and_change_nothing(arguments: Any, said: str):
-    intervals = JointIntervals([JointVelocityLimits(1.0)], ARM, dt=1e-3)
-    with pytest.raises(InvalidInput, match=said):
-        intervals.replace(*arguments)
-    lower, upper = bounds(intervals, "velocity", np.zeros(ARM.nj), np.zeros(ARM.nj))
-    assert (lower == -1.0).all() and (upper == 1.0).all()
-
-
-@pytest.mark.parametrize(
     ("q", "v", "upper", "cause"),
     [
         (0.0, 0.0, True, "acceleration"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, final
 
 import numpy as np
@@ -10,12 +10,13 @@ import numpy as np
 from wbc import checks
 from wbc.errors import InvalidInput, NotSupported, UnknownName
 from wbc.models.model import RobotModel, RobotState
+from wbc.stack.constraint import TorqueBySpeed
 from wbc.stack.contact import Contact, keys
-from wbc.stack.interval import JointIntervals
+from wbc.stack.interval import JointIntervals, refuse_bounds
 from wbc.stack.level import Level
 from wbc.stack.member import Binding
 from wbc.stack.overrides import QUANTITIES, Actuators, Motor, Overrides
-from wbc.tolerances import ROUNDING, SAME
+from wbc.tolerances import ROUNDING
 from wbc.types import Mat, Vec
 
 Said = Sequence[tuple[str, Overrides]]
@@ -105,11 +106,6 @@ class Applied:
         if motors != self._motors:
             self._motors, self.actuators = motors, Actuators(share, offset)
 
-    @property
-    def lifts(self) -> bool:
-        """Whether limits of some joint are lifted in this tick: it moves as the others move it."""
-        return any(overrides.lifted for _, overrides in self.said)
-
     def _moved(self, keys_: Mapping[Any, list[Any]], part: tuple[str, ...]) -> bool:
         """Whether a part of the overrides is made of other objects than those in force."""
         new, old = keys_[part], self._keys.get(part)
@@ -127,13 +123,14 @@ class Applied:
         if crossed.any():
             joint = int(crossed.argmax())
             name = next(name for name, overrides in reversed(said) if joint in overrides.motors)
-            self._refuse_crossed(f"{name}.motors", "torque", low, high)
+            refuse_bounds(self._model, f"{name}.motors", "torque", low, high)
         return self._overridden("torque", low, high, said)
 
-    def torques_where(self, narrow: Callable[[Vec, Vec], None]) -> _Bounds:
-        """Bounds on the torques (lower, upper), (nj,) each, in a state in which ``narrow`` holds for commands too."""
+    def torques_at(self, v: Vec, by_speed: Sequence[TorqueBySpeed]) -> _Bounds:
+        """Bounds on the torques (lower, upper), (nj,) each, at joint velocities v (nj,), which commands keep too."""
         low, high = self._own_torque[0].copy(), self._own_torque[1].copy()
-        narrow(low, high)
+        for limit in by_speed:
+            limit.narrow(v, low, high)
         low, high = _given(low, high, self.actuators.share, self.actuators.offset)
         for _, overrides in self.said:
             lifted = list(overrides.lifted.get("torque", ()))
@@ -174,25 +171,10 @@ class Applied:
             checks.each(f"{name}.{quantity}.{side}", v, nj, finite=False)
             for side, v in zip(("lower", "upper"), given, strict=True)
         )
-        self._refuse_crossed(name, quantity, lower, upper)
+        refuse_bounds(self._model, name, quantity, lower, upper)
         low, high = np.maximum(low, lower), np.minimum(high, upper)
-        self._refuse_crossed(name, quantity, low, high, " beside the limits that hold already")
-        if quantity in ("velocity", "acceleration") and not ((low <= 0.0) & (high >= 0.0)).all():
-            i = int(np.argmin((low <= 0.0) & (high >= 0.0)))
-            raise InvalidInput(
-                f"{name}: joint {self._model.joint_names[i]!r} must be allowed a {quantity} of 0, "
-                f"not [{low[i]:g}, {high[i]:g}]"
-            )
+        refuse_bounds(self._model, name, quantity, low, high, beside=" beside the limits that hold already")
         return low, high
-
-    def _refuse_crossed(self, name: str, quantity: str, low: Vec, high: Vec, beside: str = "") -> None:
-        bad = ~((low <= high) & (low < np.inf) & (high > -np.inf))
-        if bad.any():
-            i = int(np.argmax(bad))
-            raise InvalidInput(
-                f"{name}: joint {self._model.joint_names[i]!r} is left no {quantity}{beside}: "
-                f"lower {low[i]:g}, upper {high[i]:g}"
-            )
 
     def _lifted(self, name: str, quantity: str, overrides: Overrides) -> list[int]:
         for what in overrides.lifted:
@@ -278,8 +260,7 @@ class Applied:
                 bias = bias + checks.array(f"{name}.bias", overrides.bias, (nv,))
             if overrides.inertia is not None:
                 more = checks.array(f"{name}.inertia", overrides.inertia, (nv, nv))
-                if np.abs(more - more.T).max() > SAME * np.abs(more).max():
-                    raise InvalidInput(f"{name}.inertia is not symmetric")
+                checks.symmetric(f"{name}.inertia", more)
                 inertia = more if inertia is None else inertia + more
         return bias, inertia
 

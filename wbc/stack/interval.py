@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any, final
+from typing import final
 
 import numpy as np
 
@@ -101,7 +101,7 @@ class JointIntervals:
             lower, upper = constraint.bounds(model)
             limit = self._limits[constraint.quantity]
             np.minimum(limit, (upper, -lower), out=limit)
-            self._check(constraint.quantity, constraint.name)
+            refuse_bounds(model, constraint.name, constraint.quantity, -limit[1], limit[0])
         self._is_sealed = False
         self._derive()
 
@@ -114,25 +114,16 @@ class JointIntervals:
         """From now on only a plan replaces bounds: others narrow them by ``wbc.Overrides``."""
         self._is_sealed = True
 
-    def replace(self, quantity: str, lower: Any, upper: Any, *, by_plan: bool = False) -> None:
-        """New bounds on ``quantity``, scalar or (nj,), from the next tick on.
+    def replace(self, quantity: str, lower: Vec | float, upper: Vec | float, *, by_plan: bool = False) -> None:
+        """New bounds on ``quantity``, scalar or (nj,), from the next tick on, as whoever gives them has checked them.
 
         Raises:
-            InvalidInput: no such quantity, NaN, lower > upper, or no 0 in bounds on velocity or acceleration; the
-                intervals of a plan.
+            InvalidInput: these are the intervals of a plan.
         """
         if self._is_sealed and not by_plan:
             raise InvalidInput(f"a plan's bounds on {quantity} are to be read; return wbc.Overrides({quantity}=...)")
-        checks.one_of("quantity", quantity, _QUANTITIES)
-        nj, former = len(self.joint_names), self._limits[quantity].copy()
-        for side, (name, value) in enumerate((("upper", upper), ("lower", lower))):
-            bound = checks.each(f"{quantity}.{name}", value, nj, finite=False)
-            self._limits[quantity][side] = -bound if side else bound
-        try:
-            self._check(quantity, "replace")
-        except InvalidInput:
-            self._limits[quantity][:] = former
-            raise
+        limits = self._limits[quantity]
+        limits[0], limits[1] = upper, np.negative(lower)
         self._derive()
 
     def bounds(self, quantity: str) -> tuple[Vec, Vec]:
@@ -173,14 +164,6 @@ class JointIntervals:
             return ""
         name, far = self.joint_names[worst], f"{beyond[worst]:.3g} {self.joint_units[worst]}"
         return f"recovery: joint {name!r} is {far} outside its position limits"
-
-    def _check(self, quantity: str, who: str) -> None:
-        upper, lower = self._limits[quantity][0], -self._limits[quantity][1]
-        for joint, low, high in zip(self.joint_names, lower, upper, strict=True):
-            if not low <= high:
-                raise InvalidInput(f"{who}: joint {joint!r} is left no {quantity}: lower {low:g} > upper {high:g}")
-            if quantity not in ("position", "torque") and not low <= 0.0 <= high:
-                raise InvalidInput(f"{who}: joint {joint!r} must be allowed a {quantity} of 0, not [{low:g}, {high:g}]")
 
     def cause(self, joint: int, bound: float, *, upper: bool) -> str:
         """Limits on which quantity gave ``bound`` to a joint in the tick that was computed last, for reports.
@@ -247,3 +230,20 @@ class JointIntervals:
         self._order[1], self._now[0][:], self._now[1][:] = order, q, v
         bound_joints(self._memory.address)
         lower[:], upper[:] = self._now[2], self._now[3]
+
+
+def refuse_bounds(model: RobotModel, who: str, quantity: str, lower: Vec, upper: Vec, *, beside: str = "") -> None:
+    """Refuse bounds (nj,) that leave a joint nothing, or on velocities, accelerations or jerks no rest.
+
+    Raises:
+        InvalidInput: by the name of ``who`` gives them and of the joint.
+    """
+    something = (lower <= upper) & (lower < np.inf) & (upper > -np.inf)
+    rest = (lower <= 0.0) & (upper >= 0.0) | (quantity in ("position", "torque"))
+    if (something & rest).all():
+        return
+    i = int((something & rest).argmin())
+    joint, low, high = f"{who}: joint {model.joint_names[i]!r}", f"{lower[i]:g}", f"{upper[i]:g}"
+    if something[i]:
+        raise InvalidInput(f"{joint} must be allowed a {quantity} of 0, not [{low}, {high}]")
+    raise InvalidInput(f"{joint} is left no {quantity}{beside}: lower {low}, upper {high}")

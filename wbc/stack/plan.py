@@ -385,12 +385,7 @@ class Plan(Filled):
 
     def torques_at(self, state: RobotState) -> tuple[Vec, Vec]:
         """Bounds on torques (lower, upper), (nj,) each, at the speed of a state; the problem keeps its own."""
-
-        def narrow(lower: Vec, upper: Vec) -> None:
-            for constraint in self._by_speed:
-                constraint.narrow(state.v_joints, lower, upper)
-
-        return self.applied.torques_where(narrow) if self._by_speed else self.torque_bounds
+        return self.applied.torques_at(state.v_joints, self._by_speed) if self._by_speed else self.torque_bounds
 
     def _bound_normals(self) -> None:
         """What contacts say of their normal forces, and, before that, what components allow."""

@@ -258,7 +258,7 @@ class Stopping:
         decision was checked at its own moments only. While limits of a joint are lifted nothing is narrowed: that joint
         has no way to rest, and the others count on the constant B. False: not even the last decision is safe.
         """
-        if plan.applied.lifts:
+        if any(overrides.lifted for _, overrides in plan.applied.said):
             return True
         self._load = _Load(*plan.torque_range, plan.extra_bias, plan.applied.inertia)
         self._late = self._in_time
