@@ -221,14 +221,14 @@ class Controller(Solving, metaclass=TellsArguments):
         self.serial += 1
         self.why = measured.take(t, q, v) or watch.seen(t)
         if self.why:
-            command = self.fallbacks.invalid()
+            command = self.fallbacks.unposed(Status.INVALID_STATE)
         else:
             decide = self._decide if self.mode.is_compiled else self._decide_in_silence
             try:
                 command = decide(t, measured.moment)
             except Exception as cause:  # members are users' code, and may raise anything anywhere
                 self.why = str(cause if isinstance(cause, WbcError) else MemberFailed(UNNAMED, cause))
-                command = self.fallbacks.failed(measured.moment)
+                command = self.fallbacks.unposed(Status.FAILED, measured.moment)
         intervals = self.plan.intervals
         if intervals.remembers:
             accuracy = MET if self._level.order == 2 else MET / self._dt

@@ -143,16 +143,11 @@ class FallbackSequence:
         self._answered = 0
 
     @np.errstate(all="ignore")
-    def invalid(self) -> Command:
-        """The command for a state that cannot be right."""
+    def unposed(self, status: Status, moment: Vec | None = None) -> Command:
+        """The command of a tick without a problem to solve: hold, or brake. A member failed; or the state cannot be
+        right, so that there is no ``moment``."""
         self._controller.unposed = self._controller.serial
-        return self._fail(Status.INVALID_STATE, self._expected())
-
-    @np.errstate(all="ignore")
-    def failed(self, moment: Vec) -> Command:
-        """The command of a tick in which a member failed, so that there is no problem to solve: hold, or brake."""
-        self._controller.unposed = self._controller.serial
-        return self._fail(Status.FAILED, moment)
+        return self._fail(status, self._expected() if moment is None else moment)
 
     def spoilt(self, command: Command, failure: str) -> None:
         """Write down that a component failed once the command was decided: the command stands, not ok."""
