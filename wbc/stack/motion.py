@@ -57,10 +57,7 @@ class MotionRows:
             checks = [("rate", rate, np.full(len(rate), most), "2/dt")]
         else:
             largest = most * np.where(kd > 0.0, kd, most)
-            checks = [
-                ("kd", kd, np.full(len(kd), most), "2/dt"),
-                ("kp", kp, largest, "2 kd/dt, or 4/dt² without kd"),
-            ]
+            checks = [("kd", kd, np.full(len(kd), most), "2/dt"), ("kp", kp, largest, "2 kd/dt, or 4/dt² without kd")]
         for what, value, limit, formula in checks:
             beyond = value > limit
             if beyond.any():

@@ -29,18 +29,9 @@ class Target:
     """
 
     __slots__ = (
-        "_convert",
-        "_convert_rate",
-        "_name",
-        "_shape",
-        "_still",
-        "first",
-        "function",
-        "has_rates",
-        "rate",
-        "second",
+        "_convert", "_convert_rate", "_name", "_shape", "_still", "first", "function", "has_rates", "rate", "second",
         "value",
-    )
+    )  # fmt: skip
 
     def __init__(self, name: str, value: Any, dim: int, convert: Convert, convert_rate: Convert | None = None) -> None:
         self._convert_rate = convert_rate

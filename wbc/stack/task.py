@@ -131,12 +131,7 @@ class Exactly(Member):
 
     def __init__(self, task: Task, *, name: str | None = None) -> None:
         self.task = task
-        self._name = name
-
-    @property
-    def name(self) -> str:
-        """Given, or that of the task."""
-        return self._name or f"{self.task.name} exactly"
+        self._name = name or f"{task.name} exactly"
 
     def prepare(self, model: RobotModel) -> None:
         self.task.prepare(model)
