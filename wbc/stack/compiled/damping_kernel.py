@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import inf, sqrt
 from typing import Annotated, NamedTuple
 
-from wbc.compiled import Layout, carray, floats, integers, kernel, part
-from wbc.qp.rows.compiled.linear import dot
+from wbc.compiled import Layout, carray, copy, floats, integers, kernel, part
+from wbc.qp.rows.compiled.linear import add, clear, dot
 from wbc.types import Index, Mat, Vec
 
 #: The Jacobian may grow by this factor before a residual that needed no damping is looked at again.
@@ -133,16 +133,14 @@ def observe(at: int) -> bool:
                 r.lever[j] += sqrt(r.square[1, column + j] * longest / long)
         factor, damps = max(r.numbers[1] * fastest, r.numbers[0]), damps / (r.first[t + 1] - r.first[t])
         _asked(factor, possible, r.lever, r.asked[t])
-        for j in range(nj):
-            r.most[j] += r.asked[t, j]
+        add(1.0, r.asked[t], nj, r.most)
         _asked(factor, square, r.lever, r.asked[t])
         for j in range(nj):
             r.needed[j] += r.asked[t, j]
             r.rate[j] += r.asked[t, j] * damps
             finite = finite and abs(r.needed[j]) < inf
     if not finite:
-        for j in range(nj):
-            r.applied[j] = 0.0
+        clear(r.applied)
         r.numbers[2] = r.numbers[3] = 0.0
         return was_on
     is_on, share = False, 1.0
@@ -202,13 +200,12 @@ def observe_all(at: int) -> bool:
         slows = slows or (k < count - 1 and residual_of(d.at[k]).numbers[3] != 0.0)
     if not slows:
         return is_changed
-    for j in range(nj):
-        d.stalled[j] = d.rate[j] = 0.0
+    clear(d.stalled)
+    clear(d.rate)
     for k in range(count):
         r = residual_of(d.at[k])
         own = _stall(r, d.v, d.own[0])
-        for j in range(nj):
-            d.own[1, j] = r.rate[j]
+        copy(r.rate, d.own[1])
         if stalls:
             _squares(r.G, r.weights, 0, len(r.left), r.square[0])
             is_on = False
@@ -239,8 +236,7 @@ def follow(at: int, v_at: int) -> None:
         d.v[j] = v[column + j]
     for k in range(d.sizes[0] - 1):
         r = residual_of(d.at[k])
-        for j in range(nj):
-            r.cost[0, j] = 0.0
+        clear(r.cost[0])
         if r.numbers[3] != 0.0:
             for j in range(nj):
                 r.cost[0, j] = r.applied[j] + d.least[0]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from math import inf
 
-from wbc.compiled import call_at, carray, entry, floats, integers, part
+from wbc.compiled import call_at, carray, copy, entry, floats, integers, part
+from wbc.qp.rows.compiled.linear import add
 from wbc.stack.compiled.damping_kernel import follow, observe_all, share
 from wbc.stack.compiled.finish_kernel import write_all
 from wbc.stack.compiled.interval_kernel import joint_bounds
@@ -63,11 +64,9 @@ def fill(at: int) -> None:
         extra, force_scale = carray(floats(memory[8]), nv), carray(floats(memory[9]), nf)
         more_inertia = carray(floats(memory[10]), (nv, nv))
         for i in range(nv):
-            for c in range(nv):
-                G[i, c] = M[i, c]
+            copy(M[i], G[i][:nv])
             if sizes[11] > 0:
-                for c in range(nv):
-                    G[i, c] += more_inertia[i, c]
+                add(1.0, more_inertia[i], nv, G[i])
             G[i, columns - 1] = h[i] + extra[i]
         for f in range(nf):
             J, scale = G[contact + f], -force_scale[f]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import nan
 
 from wbc.compiled import carray, floats, integers, part
+from wbc.qp.rows.compiled.linear import add
 from wbc.stack.compiled.reference_kernel import refer
 from wbc.stack.compiled.row_kernel import rows, write
 
@@ -50,8 +51,7 @@ def finish(at: int) -> None:
             for k in range(width):
                 share = A[r, k]
                 if share != 0.0:
-                    for c in range(columns):
-                        row[c] += share * torques[k, c]
+                    add(share, torques[k], columns, row)
         else:
             row[last] = 0.0
             if about == FORCE:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import cos, sin
 
-from wbc.compiled import carray, floats, kernel
+from wbc.compiled import carray, copy, floats, kernel
 from wbc.stack.compiled.geometry import turn_by
 from wbc.stack.kernel_rows import PIECEWISE, POSE, SAMPLES, SINUSOID
 from wbc.types import Index, Vec
@@ -79,8 +79,7 @@ def sample(t: float, n: int, at: int, value: Vec, rate: int, second: int) -> Non
     k = int(min(max(t * head[0] + 0.5, 0.0), count - 1.0))
     size = n + 2 * width if has_rates else n
     found = carray(floats(at), 4 + count * size)[4 + k * size : 4 + (k + 1) * size]
-    for i in range(n):
-        value[i] = found[i]
+    copy(found, value[:n])
     speed, more = carray(floats(rate), width), carray(floats(second), width)
     for i in range(width):
         speed[i] = found[n + i] if has_rates else 0.0

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from wbc.compiled import Layout, call_at, carray, floats, kernel
+from wbc.compiled import Layout, call_at, carray, copy, floats, kernel
+from wbc.qp.rows.compiled.linear import clear
 from wbc.stack.compiled.geometry import cross, plus, three
 from wbc.types import Index, Mat, Vec
 
@@ -113,15 +114,13 @@ def _see_whole(thing: Index, nv: int, velocity: Vec, place: Vec, motion: Vec) ->
     """Where the centre of mass is, and how it or the momentum changes."""
     width = 3 if thing[0] == CENTRE else 6
     columns, rate = carray(floats(thing[6]), (nv, width)), carray(floats(thing[5]), width)
-    for i in range(width):
-        motion[6 + i] = rate[i]
+    copy(rate, motion[6 : 6 + width])
     for c in range(nv):
         for i in range(width):
             motion[i] += columns[c, i] * velocity[c]
     if width == 3:
         p = carray(floats(thing[3]), 3)
-        for i in range(3):
-            place[9 + i] = p[i]
+        copy(p, place[9:])
 
 
 @kernel
@@ -145,8 +144,7 @@ def write(at: int) -> int:
         return 1
     J = carray(floats(k.sizes[11]), (dim, columns))
     for r in range(dim if n > 1 else 0):
-        for c in range(nv):
-            J[r, c] = 0.0
+        clear(J[r][:nv])
     for i in range(n):
         _write_columns(k.C, 6 * i, k.things[i], k.place[i], nv, n > 1, J)
     if second:

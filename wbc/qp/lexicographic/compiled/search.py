@@ -24,16 +24,7 @@ from wbc.qp.lexicographic.compiled.space import (
 )  # fmt: skip
 from wbc.qp.rows.compiled.linear import add, clear, dot
 from wbc.qp.rows.compiled.search import answer_near
-from wbc.qp.rows.compiled.work import (
-    FAILED,
-    INACCURATE,
-    INFEASIBLE,
-    SOLVED,
-    VARIABLES,
-    Work,
-    place_of,
-    views,
-)
+from wbc.qp.rows.compiled.work import FAILED, INACCURATE, INFEASIBLE, SOLVED, VARIABLES, Work, place_of, views
 from wbc.qp.rows.compiled.work import ROWS as IN_ROWS
 from wbc.tolerances import CANCELS, NEAR, SAME
 

@@ -112,8 +112,7 @@ def reflector(row: Vec, first: int, last: int, v: Vec) -> float:
     x, y, n = row[first:], v[first:], last - first
     square = dot(x, x, n)
     if square == 0.0:
-        for c in range(n):
-            y[c] = 0.0
+        clear(y[:n])
         return 0.0
     alpha = -copysign(sqrt(square), x[0])
     beta = 1.0 / (square - alpha * x[0])

@@ -214,14 +214,12 @@ def step(at: int, is_first: bool) -> None:
         add_rows(1.0, s.a, s.E, 0, m, ny, s.r)
         half(s, s.r, s.t)
         times(s.F, 0, s.t, first, m, ny, s.a)
-        for i in range(first, m):
-            s.rho[i] -= s.a[i]
+        add(-1.0, s.a[first:], m - first, s.rho[first:])
     else:
         clear(s.t)
     forward(s.K, first, m, s.rho)
     backward(s.K, first, m, s.rho)
-    for i in range(first, m):
-        s.lam[i] += s.rho[i]
+    add(1.0, s.rho[first:], m - first, s.lam[first:])
     add_rows(1.0, s.rho, s.F, first, m, ny, s.t)
     back(s, s.t)
     add(1.0, s.t, ny, y)

@@ -61,11 +61,9 @@ def direction(at: int, item: int) -> float:
         for i in range(first, m):
             s.a[i] -= compliance(s, i) * s.rho[i]
         forward(s.K, first, m, s.a)
-        for i in range(first, m):
-            s.K[m, i] += s.a[i]
+        add(1.0, s.a[first:], m - first, s.K[m][first:])
         backward(s.K, first, m, s.a)
-        for i in range(first, m):
-            s.rho[i] += s.a[i]
+        add(1.0, s.a[first:], m - first, s.rho[first:])
         add_rows(-1.0, s.a, s.F, first, m, ny, s.t)
         before, room = room, dot(s.t, s.t, ny)
         for i in range(first, min(m, ns)):
@@ -191,8 +189,7 @@ def admit(at: int, item: int) -> int:
         if not depends:
             back(s, s.t)
             add(-sigma * t, s.t, ny, s.value[nu:])
-        for i in range(first, m):
-            s.lam[i] += sigma * t * s.rho[i]
+        add(sigma * t, s.rho[first:], m - first, s.lam[first:])
         push -= sigma * t
         if is_met or blocking < 0:
             s.K[m, m], s.lam[m], s.sizes[6] = 1.0 / sqrt(room), push, m + 1

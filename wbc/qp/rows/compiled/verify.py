@@ -134,8 +134,7 @@ def certify(at: int) -> bool:
         add_rows(1.0, push, s.G, 0, n_u, n_u, s.base)
         forward(s.B, 0, n_u, s.base)
         backward(s.B, 0, n_u, s.base)
-        for c in range(n_u):
-            push[c] -= s.base[c]
+        add(-1.0, s.base, n_u, push)
     add_rows(1.0, push, s.G, 0, n_u, n, z)
     clear(z[:n_u])
     of_rows = value[items:]
