@@ -114,7 +114,7 @@ def test_the_last_acceleration_can_be_forgotten():
     zero = np.zeros(ARM.nj)
     intervals.remember(zero + 5.0)
     np.testing.assert_allclose(bounds(intervals, "acceleration", zero, zero), (zero + 4.9, zero + 5.1))
-    intervals.forget()
+    intervals.remember(zero)
     np.testing.assert_allclose(bounds(intervals, "acceleration", zero, zero), (zero - 0.1, zero + 0.1))
 
 

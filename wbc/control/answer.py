@@ -43,7 +43,7 @@ def shares(controller: Solving) -> list[Share]:
     """Every task of the last answer, level after level."""
     p = controller.plan.problem
     rows, found = p.G @ p.x1, []
-    for task in _tasks(p):
+    for task in p.tasks:
         if task.rows is not None:
             residual = rows[task.rows]
         else:
@@ -90,7 +90,7 @@ def norms(units: Sequence[str], values: Vec) -> dict[str, float]:
 
 def units(problem: RowProblem) -> dict[str, str]:
     """The unit of each task's rows, as in ``"m/s²"``; more than one are listed."""
-    return {task.name: problem.unit_of(task) for task in _tasks(problem)}
+    return {task.name: problem.unit_of(task) for task in problem.tasks}
 
 
 def distances(problem: RowProblem, bounds: Mapping[str, float]) -> dict[str, float]:
@@ -113,7 +113,7 @@ def distances(problem: RowProblem, bounds: Mapping[str, float]) -> dict[str, flo
         >>> distances(controller.plan.problem, command.certificate.bounds)["Posture"] < 1e-9
         True
     """
-    return {task.name: _distance(task, bounds) for task in _tasks(problem)}
+    return {task.name: _distance(task, bounds) for task in problem.tasks}
 
 
 def _distance(task: RowTask, bounds: Mapping[str, float]) -> float:
@@ -121,10 +121,6 @@ def _distance(task: RowTask, bounds: Mapping[str, float]) -> float:
         return bounds[task.name]
     direction, share = f"direction of {task.name}", f"share of {task.name}"
     return bounds[direction] + bounds[share] if direction in bounds and share in bounds else nan
-
-
-def _tasks(problem: RowProblem) -> list[RowTask]:
-    return [task for level in problem.levels for task in level]
 
 
 def _bounded(controller: Solving) -> tuple[Vec, Vec, Vec]:

@@ -128,10 +128,8 @@ def _tasks(controller: Solving) -> list[str]:
 
 
 def _active_rows(controller: Solving) -> list[str]:
-    asked = {
-        task.name: float(np.abs(task.wanted + task.drift).max(initial=MET))
-        for level in controller.plan.problem.levels for task in level
-    }  # fmt: skip
+    tasks = controller.plan.problem.tasks
+    asked = {task.name: float(np.abs(task.wanted + task.drift).max(initial=MET)) for task in tasks}
     lines = []
     for row, upper, bound, multiplier, held in active(controller):
         if row.label == GIVEN_UP and row.owner in asked:

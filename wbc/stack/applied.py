@@ -66,7 +66,7 @@ class Applied:
     def reset(self) -> None:
         """Nothing is overridden, and no acceleration is remembered."""
         self.apply(())
-        self.intervals.forget()
+        self.intervals.remember(np.zeros(self._model.nj))
 
     def apply(self, said: Said) -> None:
         """From now on these overrides are in force, by the names of the components that said them, and no others.

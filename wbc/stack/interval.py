@@ -136,10 +136,6 @@ class JointIntervals:
         upper, lower = self._limits[quantity].copy()
         return -lower, upper
 
-    def forget(self) -> None:
-        """The last acceleration is zero again."""
-        self._last[:] = 0.0
-
     def remember(self, acceleration: Vec, *, accuracy: float = MET) -> str:
         """The joint accelerations (nj,) that were commanded for the tick that ends now.
 

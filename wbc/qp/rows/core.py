@@ -162,12 +162,11 @@ def _proven(written: bytes, owners: Mapping[str, list[int]]) -> Certificate:
 def _owners_of(p: RowProblem) -> dict[str, list[int]]:
     """Rows of each task among the soft rows and the unknowns y; without tasks, whose rows and unknowns they are."""
     found: dict[str, list[int]] = {}
-    for level in p.levels:
-        for task in level:
-            at = task.rows or task.unknowns
-            assert at is not None
-            first = at.start - p.soft.start if task.rows else p.n_soft + at.start - p.n_u
-            found.setdefault(task.name, []).extend(range(first, first + task.dim))
+    for task in p.tasks:
+        at = task.rows or task.unknowns
+        assert at is not None
+        first = at.start - p.soft.start if task.rows else p.n_soft + at.start - p.n_u
+        found.setdefault(task.name, []).extend(range(first, first + task.dim))
     if not found:
         names = [*p.rows[p.soft], *p.rows[p.n_rows + p.n_u :]]
         for i, row in enumerate(names):

@@ -82,6 +82,11 @@ class RowProblem:
     def unit(self, value: float) -> None:
         self.units[0] = value
 
+    @property
+    def tasks(self) -> list[RowTask]:
+        """The tasks of all levels."""
+        return [task for level in self.levels for task in level]
+
     # ---- named parts of the items
     def item(self, row: int) -> int:
         """Position of a row of G among the items."""
@@ -150,11 +155,9 @@ class RowProblem:
 
     def _tasks(self, rows: Mat, right: Vec, unscale: Vec) -> list[Objective]:
         """What counts in the cost, in physical units: the tasks, or all soft rows where nobody named them."""
-        tasks = [task for level in self.levels for task in level]
-        if not tasks:
-            tasks = [RowTask("rows", self.soft, None, self.weights, self.weights, self.weights)] if self.n_soft else []
+        whole = [RowTask("rows", self.soft, None, self.weights, self.weights, self.weights)] if self.n_soft else []
         found = []
-        for task in tasks:
+        for task in self.tasks or whole:
             counts = np.flatnonzero(task.weights)
             if task.rows is not None:
                 own = counts + task.rows.start
