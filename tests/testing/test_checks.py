@@ -132,6 +132,30 @@ def test_a_wrong_task_is_caught_and_named(task: type[Task], said: str):
         check_task(task(), ARM)
 
 
+class Scaled(Height):
+    """The position of a frame, each row in a unit of its own; ``wrong`` says what is wrong with the second row."""
+
+    def __init__(self, scale: tuple[float, ...], wrong: str = "") -> None:
+        super().__init__()
+        self.dim, self.scale, self.wrong = 3, np.array(scale), wrong
+
+    def fill(self, state: Any, out: Any) -> None:
+        frame, second = state.frame(self.frame), np.array([1.0, 0.0 if self.wrong else 1.0, 1.0])
+        out.e[:] = -self.scale * frame.position
+        out.J[:] = (self.scale * frame.jacobian()[:3].T).T
+        out.drift[:] = self.scale * frame.drift()[:3] * (1.0 if self.wrong == "J" else second)
+        if self.wrong == "J":
+            out.J[1] *= -1.0
+
+
+@pytest.mark.parametrize("scale", [(1.0, 1.0, 1.0), (1e-6, 1e-6, 1e-6), (1e6, 1e-3, 1.0), (1e-9, 1.0, 1e3)], ids=str)
+def test_units_of_rows_hide_no_mistake(scale: tuple[float, ...]):
+    check_task(Scaled(scale), ARM)
+    for wrong in ("J", "drift"):
+        with pytest.raises(CheckFailed, match=f"row 1: {wrong}"):
+            check_task(Scaled(scale, wrong), ARM)
+
+
 def test_a_wrong_row_is_named_with_both_numbers():
     with pytest.raises(CheckFailed, match=r"row 0: J for '\w+' is -?[\d.e-]+, -de/dq is -?[\d.e-]+"):
         check_task(WrongSign(), ARM)
@@ -237,6 +261,22 @@ class CeilingWithoutDrift(Ceiling):
     def fill(self, state, out):
         super().fill(state, out)
         out.drift[:] = 0.0
+
+
+class CeilingInMegametres(Ceiling):
+    def fill(self, state, out):
+        super().fill(state, out)
+        for rows in (out.h, out.J, out.drift):
+            rows *= 1e-6
+        out.J *= self.sign
+
+    sign = 1.0
+
+
+def test_units_of_a_barrier_hide_no_mistake():
+    check_constraint(CeilingInMegametres(), ARM)
+    with pytest.raises(CheckFailed, match="dh/dq"):
+        check_constraint(type("Wrong", (CeilingInMegametres,), {"sign": -1.0})(), ARM)
 
 
 class PowerLimit(LinearConstraint):

@@ -20,14 +20,13 @@ from wbc.stack.constraint import (
 from wbc.stack.formulation import InverseDynamics
 from wbc.stack.member import Member
 from wbc.stack.task import Exactly
-from wbc.testing.differences import along, in_time, velocity_names
+from wbc.testing.differences import along, in_time, row_sizes, velocity_names
 from wbc.testing.failure import differs, require, worst
 from wbc.testing.filling import Filling
 from wbc.testing.robots import Moment, moments, on_robots
 from wbc.testing.tasks import check_task
 from wbc.types import Vec
 
-_TOLERANCE = 1e-5
 _DECIDED = InverseDynamics.carries
 _QUANTITIES = {"position", "velocity", "acceleration", "jerk", "torque"}
 
@@ -103,18 +102,19 @@ def _check_barrier(constraint: Barrier, model: RobotModel, when: list[Moment]) -
         constraint.name, model, constraint.fill, BarrierRows,
         {"J": (dim, model.nv), "h": (dim,), "drift": (dim,), "rate": (dim,)}, zero=frozenset({"rate"}),
     )  # fmt: skip
+    size = row_sizes([(rows["J"], rows["h"]) for rows in map(filling.at, when)])
     for first, second in zip(when, [*when[1:], when[0]], strict=True):
         filling.check_purity(first, second)
         rows, v = filling.at(first), first[2]
         where = f"{constraint.name} on {model.name}, row "
         J, drift, rate = rows["J"], rows["drift"], rows["rate"]
         found = np.column_stack([along(lambda m: filling.at(m)["h"], model, first, axis) for axis in np.eye(model.nv)])
-        at = worst(found, J, _TOLERANCE)
+        at = worst(found, J, size)
         if at is not None:
             what = f"J for {velocity_names(model)[at[1]]!r}"
             raise differs(where + str(at[0]), what=what, wrote=J[at], by="dh/dq", found=found[at])
         found = in_time(lambda m: filling.at(m)["h"], first)
-        at = worst(found, rate, _TOLERANCE)
+        at = worst(found, rate, size)
         if at is not None:
             raise differs(where + str(at[0]), what="rate", wrote=rate[at], by="dh/dt", found=found[at])
 
@@ -123,7 +123,7 @@ def _check_barrier(constraint: Barrier, model: RobotModel, when: list[Moment]) -
             return filled["J"] @ v + filled["rate"]
 
         found = along(total, model, first, v) + in_time(total, first)
-        at = worst(found, drift, _TOLERANCE)
+        at = worst(found, drift, size)
         if at is not None:
             by = "d(J v + rate)/dt at a = 0"
             raise differs(where + str(at[0]), what="drift", wrote=drift[at], by=by, found=found[at])

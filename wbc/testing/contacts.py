@@ -18,8 +18,6 @@ from wbc.testing.robots import Moment, moments, on_robots
 from wbc.testing.tasks import check_task
 from wbc.types import Mat, Vec
 
-_TOLERANCE = 1e-5
-
 
 def check_contact(contact: Contact, model: RobotModel | None = None, states: Iterable[Moment] | None = None) -> None:
     """Check a contact on ``model``, or on those of our arm, quadruped and humanoid that have its frame.
@@ -93,12 +91,12 @@ def _check_moment(contact: Contact, model: RobotModel, first: Moment, second: Mo
         ("J v", J @ v, "the velocity of the surface", _surface_velocity(contact, state, anchor, v)),
         ("drift", rows["drift"], "d(J v)/dt at a = 0", changed),
     ):
-        at = worst(wrote, expected, _TOLERANCE)
+        at = worst(wrote, expected)
         if at is not None:
             raise differs(f"{where}{at[0]}", what=what, wrote=wrote[at], by=by, found=expected[at])
     found = -np.column_stack([along(lambda m: filling.at(m)["e"], model, first, axis) for axis in np.eye(model.nv)])
     held = np.abs(found).max(axis=1) > 0.0
-    at = worst(found[held], J[held], _TOLERANCE)
+    at = worst(found[held], J[held])
     if at is not None:
         row, what = int(np.flatnonzero(held)[at[0]]), f"J for {velocity_names(model)[at[1]]!r}"
         raise differs(f"{where}{row}", what=what, wrote=J[row, at[1]], by="-de/dq", found=found[row, at[1]])

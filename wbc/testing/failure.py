@@ -8,6 +8,9 @@ import numpy as np
 
 from wbc.errors import WbcError
 
+#: Differences of numbers near 1, along steps of 1e-5, are off by less.
+_TOLERANCE = 1e-5
+
 
 class CheckFailed(WbcError, AssertionError):
     """A member breaks a rule; the message says which, where, and the two numbers that differ."""
@@ -24,12 +27,12 @@ def differs(where: str, *, what: str, wrote: float, by: str, found: float, hint:
     return CheckFailed(f"{where}: {what} is {wrote:.6g}, {by} is {found:.6g}{hint}")
 
 
-def worst(found: Any, expected: Any, tolerance: float) -> tuple[int, ...] | None:
-    """Index of the largest difference beyond tolerance · (1 + max |expected|), or None."""
-    found, expected = np.asarray(found), np.asarray(expected)
+def worst(found: Any, expected: Any, sizes: Any = 1.0) -> tuple[int, ...] | None:
+    """Index of the largest difference beyond 1e-5 · (1 + max |expected|), all in the ``sizes`` of the rows, or None."""
+    found, expected = ((np.asarray(values).T / sizes).T for values in (found, expected))
     if found.size == 0:
         return None
     off = np.abs(found - expected)
     at = np.unravel_index(int(np.argmax(off)), off.shape)
-    allowed = tolerance * (1.0 + float(np.abs(expected).max()))
+    allowed = _TOLERANCE * (1.0 + float(np.abs(expected).max()))
     return None if off[at] <= allowed else tuple(int(i) for i in at)

@@ -16,6 +16,7 @@ from wbc.testing.differences import (
     along,
     in_time,
     rotation_blocks,
+    row_sizes,
     turned_by_robot,
     turned_by_target,
     velocity_names,
@@ -25,7 +26,6 @@ from wbc.testing.filling import Arrays, Filling
 from wbc.testing.robots import Moment, moments, on_robots
 from wbc.types import Mat, Vec
 
-_TOLERANCE = 1e-5
 _QUANTITIES = {"torque", "acceleration", "force"}
 
 
@@ -118,9 +118,10 @@ class _KinematicCheck:
             require(gains.shape == (self.task.dim,), f"{self.task.name}.gains() must be of ({self.task.dim},) each")
         for first, second in zip(when, [*when[1:], when[0]], strict=True):
             self.filling.check_purity(first, second)
-        has_error = np.any([self._e(moment) != 0.0 for moment in when], axis=0) | (self.task.gains()[0] > 0.0)
-        for moment in when:
-            rows = self.filling.at(moment)
+        filled = [self.filling.at(moment) for moment in when]
+        self.size = row_sizes([(self._jacobian(rows), rows["e"]) for rows in filled])
+        has_error = np.any([rows["e"] != 0.0 for rows in filled], axis=0) | (self.task.gains()[0] > 0.0)
+        for moment, rows in zip(when, filled, strict=True):
             self._check_jacobian(moment, rows, has_error)
             self._check_drift(moment, rows)
             self._check_reference(moment, rows, has_error)
@@ -138,7 +139,7 @@ class _KinematicCheck:
 
         J = self._jacobian(rows)
         found = self._or_as_rotation(-derivative(self._e), J, lambda turned: -derivative(turned), rows, turned_by_robot)
-        at = worst(found[has_error], J[has_error], _TOLERANCE)
+        at = worst(found[has_error], J[has_error], self.size[has_error])
         if at is not None:
             row = int(np.flatnonzero(has_error)[at[0]])
             column = velocity_names(self.model)[at[1]]
@@ -148,8 +149,8 @@ class _KinematicCheck:
     def _check_drift(self, moment: Moment, rows: Arrays) -> None:
         v = moment[2]
         found = along(lambda m: self._jacobian(self.filling.at(m)) @ v, self.model, moment, v)
-        at = worst(found, rows["drift"], _TOLERANCE)
-        if at is not None and worst(self._error_drift(moment), rows["acc_ref"] - rows["drift"], _TOLERANCE) is not None:
+        at = worst(found, rows["drift"], self.size)
+        if at is not None and worst(self._error_drift(moment), rows["acc_ref"] - rows["drift"], self.size) is not None:
             wrote, by = rows["drift"][at], "d(J v)/dt at a = 0"
             raise differs(self._row(at[0]), what="drift", wrote=wrote, by=by, found=found[at])
 
@@ -169,14 +170,14 @@ class _KinematicCheck:
         found = self._or_as_rotation(
             in_time(self._e, moment), rate, lambda turned: in_time(turned, moment), rows, turned_by_target
         )
-        at = worst(found[has_error], rate[has_error], _TOLERANCE)
+        at = worst(found[has_error], rate[has_error], self.size[has_error])
         if at is not None:
             row = int(np.flatnonzero(has_error)[at[0]])
             hint = "; a target that moves must give (value, rate, acceleration)" if rate[row] == 0.0 else ""
             wrote, by = rate[row], "de/dt of the target"
             raise differs(self._row(row), what="rate_ref", wrote=wrote, by=by, found=found[row], hint=hint)
         found = in_time(lambda m: self.filling.at(m)["rate_ref"], moment)
-        at = worst(found, second, _TOLERANCE)
+        at = worst(found, second, self.size)
         if at is not None:
             raise differs(self._row(at[0]), what="acc_ref", wrote=second[at], by="d rate_ref/dt", found=found[at])
 
@@ -186,7 +187,7 @@ class _KinematicCheck:
             return
         require(not np.isnan(ed).any(), f"{self.task.name}.fill wrote only a part of out.ed; write all of it or none")
         expected = rows["rate_ref"] - self._jacobian(rows) @ moment[2]
-        at = worst(ed, expected, _TOLERANCE)
+        at = worst(ed, expected, self.size)
         if at is not None:
             raise differs(self._row(at[0]), what="ed", wrote=ed[at], by="rate_ref - J v", found=expected[at])
 
@@ -200,7 +201,7 @@ class _KinematicCheck:
     ) -> Mat:
         """``plain`` differences of e, but those of the rotation it stands for where that is what the task claims."""
         for block in self.blocks:
-            if worst(plain[block], claimed[block], _TOLERANCE) is None:
+            if worst(plain[block], claimed[block], self.size[block]) is None:
                 continue
             start = rows["e"][block]
             plain[block] = derivative(lambda m, s=start, b=block: turned(s, self._e(m)[b]))  # type: ignore[misc]
