@@ -465,3 +465,13 @@ def test_the_unit_of_the_gradient_scales_the_step_and_changes_nothing_else(expon
         scaled = ProjectedGradientStep(v_task, factor * v_null, v_min=-1.0, v_max=1.0).solve()
         assert scaled.alpha * factor == pytest.approx(usual.alpha, rel=1e-7)
         assert scaled.v == pytest.approx(usual.v, abs=1e-7) and scaled.active == usual.active
+
+
+@pytest.mark.parametrize("alpha_max", [1.0, 1e6, 1e12, INF])
+@pytest.mark.parametrize("speed", [1e-6, 1.0, 1e3])
+def test_a_task_outside_its_limits_stays_infeasible_whatever_alpha_max_is(alpha_max: float, speed: float):
+    """The joint must move forward, and the gradient takes it backward."""
+    step = ProjectedGradientStep([0.0], [-0.005], v_min=3.0 * speed, v_max=4.0 * speed, alpha_max=alpha_max)
+    assert not step.closed_form().feasible
+    answer = step.solve()
+    assert not answer.feasible and np.isnan(answer.alpha)

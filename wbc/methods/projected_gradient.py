@@ -255,8 +255,9 @@ class ProjectedGradientStep(Method):
         """The largest (1.0) or smallest (−1.0) feasible step; NaN where there is none."""
         qp, unit = self.qp(), self._unit()
         # α in units of the range: rows are not compared with a bound on α that has the gradient's unit.
-        with np.errstate(over="ignore"):  # a bound too far away to be a number is none
+        with np.errstate(over="ignore"):
             ub = qp.ub / unit
+        ub[ub > 4.0] = np.inf  # what no feasible step comes near is no limit, and its size would hide contradictions
         measured = QP(qp.H, np.zeros(1), C=qp.C * unit, cl=qp.cl, cu=qp.cu, lb=qp.lb, ub=ub)
         found = nearest(measured, np.zeros(1), np.eye(1), solver, along=np.array([direction]))
         return np.nan if found is None else float(np.clip(found.x[0] * unit, 0.0, self.alpha_max))
