@@ -110,8 +110,13 @@ class Factors(NamedTuple):
         return np.asarray(self.rest.T @ (b / self.length))
 
     def reaches(self, b: Vec, terms: Vec) -> bool:
-        """Whether A x can be b, to the rounding of numbers of the size ``terms`` (m,) that b is a sum of."""
-        return bool(np.linalg.norm(self.unreached(b)) <= SAME * np.linalg.norm(terms / self.length))
+        """Whether A x can be b, to the rounding of numbers of the size ``terms`` (m,) that b is a sum of.
+
+        Only terms of the rows that contradict each other count, as far as rounding tells which these are.
+        """
+        sizes = terms / self.length
+        rounding = min(NOISE * self.condition, SAME) * np.linalg.norm(sizes) + SAME * (np.abs(self.rest).T @ sizes)
+        return bool(np.linalg.norm(self.unreached(b)) <= np.linalg.norm(rounding))
 
     def solve(self, b: Vec) -> Vec:
         """The right side of V x that belongs to A x = b."""
