@@ -249,8 +249,11 @@ def test_wrong_shapes_are_refused_by_name(robot: Any):
             call(good, bad)
     with pytest.raises(InvalidInput, match="v_reference must have shape"):
         robot.regressor(good, good, bad, good)
-    with pytest.raises(InvalidInput, match="q must be an array of numbers"):
-        robot.M("here")
+    for words in ("here", ["1"] * robot.nv, [None] * robot.nv):
+        with pytest.raises(InvalidInput, match="q must be an array of numbers"):
+            robot.M(words)
+    with pytest.raises(InvalidInput, match=r"a\[0\] is nan"):
+        robot.regressor(good, good, good, np.full(robot.nv, np.nan))
 
 
 # ---- a robot like any other

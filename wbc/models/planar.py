@@ -45,8 +45,8 @@ class PlanarRobot(RobotModel):
     moving along z or turning about x and y, are zero rows of its Jacobians.
 
     Beside what every :class:`~wbc.models.model.RobotModel` has: ``chain``, ``parameters`` by name (see
-    :class:`~wbc.models.chain.Chain`) and the quantities below. They take any numbers of shape (n,) and return new
-    arrays.
+    :class:`~wbc.models.chain.Chain`) and the quantities below. They take finite numbers of shape (n,) and return
+    new arrays.
 
     Args:
         name: what the robot is called.
@@ -149,15 +149,9 @@ class PlanarRobot(RobotModel):
         """``value`` as an array (n,).
 
         Raises:
-            InvalidInput: another shape, or not numbers.
+            InvalidInput: another shape, or not finite numbers.
         """
-        try:
-            vector = np.asarray(value, dtype=np.float64)
-        except (TypeError, ValueError) as cause:
-            raise InvalidInput(f"{name} must be an array of numbers, not {type(value).__name__}") from cause
-        if vector.shape != (self.nv,):
-            raise InvalidInput(f"{name} must have shape ({self.nv},), not {vector.shape}")
-        return vector
+        return checks.array(name, value, (self.nv,))
 
     def check_inertia(self) -> None:
         """That M is positive definite at q0.
