@@ -266,9 +266,11 @@ def moments(name: str, value: Any) -> list[tuple[float, Any, Any]]:
     """``value`` as a list of states (t, q, v); what is in them is not looked at.
 
     Raises:
-        InvalidInput: it is no list, or one of its entries is not three values; with its index.
+        InvalidInput: it is no list, it is empty, or one of its entries is not three values; with its index.
     """
     found = items(name, value, "(t, q, v)")
+    if not found:
+        raise InvalidInput(f"{name} is empty; give at least one (t, q, v)")
     for i, one in enumerate(found):
         if not isinstance(one, tuple | list) or len(one) != 3:
             raise InvalidInput(f"{name}[{i}] is {shown(one)}; it must be (t, q, v)")

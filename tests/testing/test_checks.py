@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tasks import Damping, Frame, JointVelocityLimits, Orientation, Point, Position, Sinusoid, Sole
-from wbc.errors import UnknownFrame, WbcError
+from wbc.errors import InvalidInput, UnknownFrame, WbcError
 from wbc.stack.constraint import Barrier, JointInterval, LinearConstraint
 from wbc.stack.contact import Anchor
 from wbc.stack.task import LinearTask, Task
@@ -100,6 +100,23 @@ class PushesTheState(Height):
         state._q[0] += 1e-3
 
 
+class HoldsWhereItWas(Height):
+    """Takes its target from the first state that it sees, so that another controller holds another place."""
+
+    start = None
+
+    def fill(self, state, out):
+        super().fill(state, out)
+        height = state.frame(self.frame).position[2]
+        self.start = height if self.start is None else self.start
+        out.e[:] = self.start - height
+
+
+class NegativeWeight(Height):
+    def weights(self):
+        return np.full(1, -1.0)
+
+
 class WrongErrorRate(Height):
     def fill(self, state, out):
         super().fill(state, out)
@@ -123,6 +140,8 @@ class WrongUnits(Height):
         (WritesSometimes, "not pure"),
         (WritesBeside, "wrote beside out.e"),
         (PushesTheState, "changed the state"),
+        (HoldsWhereItWas, "not pure: out.e depends on the state that was filled first"),
+        (NegativeWeight, r"weights\(\) are"),
         (WrongErrorRate, "ed is"),
         (WrongUnits, "units are 2"),
     ],
@@ -221,6 +240,12 @@ def test_a_velocity_task_needs_no_position_error():
 
 def test_moments_may_be_chosen():
     check_task(Frame(FRAME, target=np.eye(4)), ARM, moments(ARM, count=1, seed=7))
+
+
+@pytest.mark.parametrize(("check", "member"), [(check_task, Height()), (check_constraint, JointVelocityLimits())])
+def test_a_check_of_no_states_is_refused(check: Any, member: Any):
+    with pytest.raises(InvalidInput, match="states is empty"):
+        check(member, ARM, [])
 
 
 def test_failures_are_assertions_and_ours():

@@ -80,8 +80,6 @@ def run_many(
     controllers = [plans] * len(states) if isinstance(plans, Controller) else list(plans)
     if len(controllers) != len(states):
         raise InvalidInput(f"there are {len(controllers)} controllers for {len(states)} states; give one, or one each")
-    if not states:
-        raise InvalidInput("states is empty; give at least one (t, q, v)")
     if len({(one.model.nv, one.model.joint_names) for one in controllers}) > 1:
         raise InvalidInput("plans are of robots with other joints; run those of each robot by themselves")
     workers = min(workers, len(states))

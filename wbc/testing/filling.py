@@ -59,6 +59,20 @@ class Filling:
                 f"filled; it must depend on the state alone, and write all it ever writes",
             )
 
+    def check_memory(self, twin: Filling, when: list[Moment]) -> None:
+        """The same bits as ``twin``, a copy that met these moments in the other order.
+
+        Raises:
+            CheckFailed: naming the array.
+        """
+        for moment, other in zip(when, reversed([twin.at(moment) for moment in reversed(when)]), strict=True):
+            for array, expected in self.at(moment).items():
+                require(
+                    other[array].tobytes() == expected.tobytes(),
+                    f"{self.name}.fill is not pure: out.{array} depends on the state that was filled first; it must "
+                    f"depend on the state alone",
+                )
+
     @cached_property
     def _state(self) -> RobotState:
         return self.model.state()

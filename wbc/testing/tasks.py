@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Any, final
+from typing import Any, cast, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wbc import checks
 from wbc.models.model import RobotModel
+from wbc.stack.member import bound
 from wbc.stack.task import LinearRows, LinearTask, Objective, Task, TaskRows
 from wbc.testing.differences import (
     STEP,
@@ -62,7 +63,9 @@ def check_task(
         when = moments(robot) if given is None else given
         _check_description(own)
         if isinstance(own, Task):
-            _KinematicCheck(own, robot).run(when)
+            one, twin = _KinematicCheck(own, robot), _KinematicCheck(cast(Task, bound(task, robot)), robot)
+            one.run(when)
+            one.filling.check_memory(twin.filling, when)
         elif isinstance(own, LinearTask):
             _check_linear(own, robot, when, contact_dim)
         else:
@@ -78,7 +81,9 @@ def _check_description(task: Objective) -> None:
     require(
         isinstance(task.units, str) or len(task.units) == dim, f"{name}.units are {len(task.units)}, its rows {dim}"
     )
-    require(task.weights().shape == (dim,), f"{name}.weights() must have shape ({dim},), not {task.weights().shape}")
+    weights = task.weights()
+    require(weights.shape == (dim,), f"{name}.weights() must have shape ({dim},), not {weights.shape}")
+    require((weights >= 0.0).all(), f"{name}.weights() are {weights}; each must be a number >= 0")
     for row in range(dim):
         label, unit = task.label(row), task.unit(row)
         require(isinstance(label, str) and isinstance(unit, str), f"{name}: label and unit of row {row} must be text")
