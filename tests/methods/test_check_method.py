@@ -75,6 +75,13 @@ def test_nan_is_the_largest_difference():
         check_method(Nearest(3.0, slip=np.nan), solvers=["pdas"])
 
 
+def test_a_check_that_compares_nothing_fails():
+    with pytest.raises(CheckFailed, match="no solver"):
+        check_method(Nearest(3.0), solvers=[])
+    with pytest.raises(CheckFailed, match=r"Silent\.difference named no quantity"):
+        check_method(type("Silent", (Nearest,), {"difference": lambda *_: {}})(3.0), solvers=["pdas"])
+
+
 @pytest.mark.parametrize("tired", ["daqp", "proxqp"])
 def test_a_solver_that_gives_up_is_named(tired: str):
     class GivingUp(Nearest):

@@ -8,9 +8,11 @@ from hypothesis import given
 
 from tests.methods.test_weighted_torque import CALM, assert_same, exercise
 from tests.methods.torque_problems import again, problems
+from tests.seeds import generator
 from wbc.checks import LARGEST
 from wbc.errors import InvalidInput
 from wbc.methods import WeightedTorque
+from wbc.methods.weighted_torque import FORMS
 
 
 @given(problems(**CALM, damped=False, equalities=False))
@@ -75,3 +77,18 @@ def test_unknown_forms_are_named():
         exercise().solve(form="velocity")
     with pytest.raises(InvalidInput, match="form is 'lq'"):
         exercise().closed_form("lq")
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_contradiction_is_seen_beside_accelerations_of_small_inertias(form: str):
+    """Five rows want five accelerations of four joints; torques move a joint of 1e-6 kg m² at 1e6 rad/s²."""
+    rng = generator("small inertias", form)
+    for _ in range(10):
+        (turn, _), (J, _) = np.linalg.qr(rng.normal(size=(4, 4))), np.linalg.qr(rng.normal(size=(4, 4)))
+        M, E = (turn * [1e-6, 1e-4, 1e-3, 3e-3]) @ turn.T, rng.normal(size=(1, 4))
+        held = (E, E @ np.linalg.solve(J, -np.ones(4)) + 1.0)  # a = J⁻¹ (s − 1) gives E a = e for no scale s
+        known = {"drift": np.ones(4), "tau_0": rng.normal(size=4), "tau_external": rng.normal(size=4)}
+        answer = WeightedTorque(
+            0.5 * (M + M.T), rng.normal(size=4), J, np.zeros(4), weight="identity", equalities=held, **known
+        ).solve(form=form)
+        assert not answer.feasible and np.isnan(answer.scale)

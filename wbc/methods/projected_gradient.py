@@ -160,13 +160,11 @@ class ProjectedGradientStep(Method):
         """α* by the sign of each component of v_null."""
         down, up = self._room()
         moving = self._moving
-        rest = ~moving
-        if (np.maximum(down, -up)[rest] > 0.5 * SHARP * self._size[rest]).any():
+        if (np.maximum(down, -up)[~moving] > 0.5 * SHARP * self._size[~moving]).any():
             return self._infeasible(np.inf, -np.inf)
         if not moving.any():
             return self._step(0.0, (0.0, self.alpha_max))
-        direction = self.v_null[moving]
-        ends = np.sort(np.array([down[moving], up[moving]]) / direction, axis=0)
+        ends = np.sort(np.array([down[moving], up[moving]]) / self.v_null[moving], axis=0)
         low, high = max(0.0, float(ends[0].max())), min(self.alpha_max, float(ends[1].min()))
         if low > high + SHARP * self._unit():
             return self._infeasible(low, high)

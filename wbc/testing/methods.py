@@ -12,7 +12,7 @@ from wbc.errors import NoClosedForm, SolverFailed
 from wbc.methods.method import Method
 from wbc.qp.solver import Solver
 from wbc.qp.solvers import by_name, usable
-from wbc.testing.failure import CheckFailed
+from wbc.testing.failure import CheckFailed, require
 
 #: What a solver reaches, relative to what is measured. Active-set methods end at rounding, with what the condition of
 #: the problem makes of it; the others stop at the library's certificate.
@@ -49,6 +49,7 @@ def check_method(method: Method, solvers: Iterable[str | Solver] | None = None) 
     checks.instance("method", method, Method, "a wbc.methods.Method")
     named = usable() if solvers is None else checks.items("solvers", solvers, "solvers")
     chosen = [by_name(solver) for solver in named]
+    require(chosen, "there is no solver to check the method on")
     answers = [(solver.name, _answer(method, solver)) for solver in chosen]
     try:
         reference = method.closed_form()
@@ -77,6 +78,7 @@ def _require(method: Method, one: str, differences: Mapping[str, float], other: 
         name: np.nan_to_num(value, nan=np.inf, posinf=np.inf) / tolerance(judge, name)
         for name, value in differences.items()
     }
+    require(excess, f"{type(method).__name__}.difference named no quantity to compare")
     worst = max(excess, key=excess.__getitem__)
     if excess[worst] > 1.0:
         raise CheckFailed(
