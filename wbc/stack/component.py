@@ -15,7 +15,8 @@ from wbc.types import Vec
 
 
 class Component(metaclass=TellsArguments):
-    """A member with state between ticks: an observer, an adaptive controller, a schedule.
+    """A member with state between ticks: an observer, an adaptive controller, a schedule. It serves one controller at a
+    time; ``copy.copy(controller)`` copies its components too.
 
     In each tick ``before`` returns its changes as an :class:`~wbc.stack.overrides.Overrides`, or None. ``after`` gets
     the command; the recorder writes ``signals``. A :class:`Schedule` selects the active contacts. If a component raises
