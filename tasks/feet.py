@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from wbc import checks
+from wbc.arguments import tells_arguments
 from wbc.errors import InvalidInput, NotSupported
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.stack.contact import Contact
@@ -13,6 +14,7 @@ from .point import Point
 from .sole import Sole
 
 
+@tells_arguments
 def feet(robot: PinocchioModel, *, friction_share: float = 0.8, **settings: Any) -> list[Contact]:
     """One :class:`~tasks.sole.Sole` or :class:`~tasks.point.Point` for each of ``robot.feet``, of its size and place.
 

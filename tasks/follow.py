@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio
 
 from wbc import checks
+from wbc.arguments import TellsArguments
 from wbc.errors import InvalidInput
 from wbc.stack.tracking import pose_target, rotation_target
 from wbc.types import Mat, Vec
@@ -25,7 +26,7 @@ _PAUSE = 1.0
 
 
 @final
-class Follow:
+class Follow(metaclass=TellsArguments):
     """A target that follows samples: at any rate, late, in jumps, or not at all.
 
     ``start`` is a vector (n,), a rotation (3, 3) or a pose (pinocchio.SE3 or 4x4), and so is every sample. Each axis

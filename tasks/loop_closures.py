@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from wbc import checks
+from wbc.arguments import tells_arguments
 from wbc.errors import InvalidInput
 from wbc.models.pinocchio_ import PinocchioModel
 
@@ -18,6 +19,7 @@ from .relative import relative_motion
 _STILL, _STATES = 1e-9, 4
 
 
+@tells_arguments
 def loop_closures(robot: PinocchioModel, **settings: Any) -> list[LoopClosure]:
     """A :class:`~tasks.loop_closure.LoopClosure` for each loop of the robot's description; ``settings`` are each's.
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 from wbc import checks
+from wbc.arguments import tells_arguments
 from wbc.errors import InvalidInput, NotSupported
 from wbc.models.pinocchio_ import PinocchioModel
 
 from .joint_coupling import JointCoupling
 
 
+@tells_arguments
 def mimic_joints(robot: PinocchioModel, **settings: Any) -> list[JointCoupling]:
     """A :class:`~tasks.joint_coupling.JointCoupling` for each ``<mimic>`` of the robot's URDF; ``settings`` are each's.
 

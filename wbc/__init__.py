@@ -112,7 +112,9 @@ def __getattr__(name: str) -> Any:
         value = getattr(import_module(_HOME[name]), name)
         globals()[name] = value
         return value
-    raise AttributeError(f"module 'wbc' has no attribute {name!r}")
+    raise AttributeError(
+        f"module 'wbc' has no attribute {name!r}; tasks, limits, contacts and components are in wbc.tasks"
+    )
 
 
 def __dir__() -> list[str]:

@@ -290,9 +290,9 @@ def pair(name: str, value: Any, what: str) -> tuple[Any, Any]:
 
 
 def shown(value: Any) -> str:
-    """``value`` in a message: its representation, shortened, whatever that is."""
+    """``value`` in a message: its representation on one line, shortened, whatever that is."""
     try:
-        text = repr(value).strip()
+        text = " ".join(repr(value).split())
     except Exception as cause:
         return f"a {type(value).__name__} (its repr raised {type(cause).__name__})"
     return text if len(text) <= 200 else f"{text[:200]}..."

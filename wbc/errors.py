@@ -14,6 +14,10 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from pathlib import Path
+
+#: The folders of this library in a clone.
+_LIBRARY = (Path(__file__).parent, Path(__file__).parent.parent / "tasks")
 
 
 class WbcError(Exception):
@@ -31,7 +35,7 @@ class MemberFailed(InvalidInput):
     """
 
     def __init__(self, where: str, cause: BaseException) -> None:
-        super().__init__(f"{where} raised {type(cause).__name__}: {_text_of(cause)}")
+        super().__init__(f"{where} raised {type(cause).__name__}: {_text_of(cause)}{_place_of(cause)}")
 
 
 class InvalidProblem(InvalidInput):
@@ -193,9 +197,21 @@ def _text_of(cause: BaseException) -> str:
         return f"(its text raised {type(worse).__name__})"
 
 
+def _place_of(cause: BaseException) -> str:
+    """The last line of code outside this library and of installed packages that was running, if any was."""
+    place, at = "", cause.__traceback__
+    while at is not None:
+        path = Path(at.tb_frame.f_code.co_filename)
+        if "site-packages" not in path.parts and not any(path.is_relative_to(folder) for folder in _LIBRARY):
+            place = f" ({path.name}, line {at.tb_lineno})"
+        at = at.tb_next
+    return place
+
+
 def near_names(name: object, names: Iterable[str]) -> list[str]:
-    """At most three of ``names`` that look like ``name``, best first."""
-    return difflib.get_close_matches(str(name), list(names), n=3, cutoff=0.55)
+    """At most three of ``names`` that look like ``name``, best first; capital letters do not count."""
+    known = {one.casefold(): one for one in names}
+    return [known[near] for near in difflib.get_close_matches(str(name).casefold(), known, n=3, cutoff=0.55)]
 
 
 def _either(names: list[str]) -> str:

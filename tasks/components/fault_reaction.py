@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, final
 import numpy as np
 
 from wbc import checks
+from wbc.arguments import TellsArguments
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.component import Component
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
 @final
 @dataclass(frozen=True)
-class When:
+class When(metaclass=TellsArguments):
     """One line of the table: on a diagnosis of ``kind``, of one of ``joints`` (none: any), do ``reactions``."""
 
     kind: str

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, final
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, final
 import numpy as np
 
 from wbc import checks
+from wbc.arguments import TellsArguments
 from wbc.errors import InvalidInput, NotSupported
 from wbc.models.model import RobotState
 from wbc.stack.overrides import Motor
@@ -29,7 +30,7 @@ MOTION = ("position", "velocity", "acceleration")
 
 
 @dataclass(frozen=True)
-class Reaction(ABC):
+class Reaction(metaclass=TellsArguments):
     """Settings. ``apply`` says, in each tick in which a diagnosis stands, what it changes; nothing has to be undone."""
 
     #: Whether it cannot be undone: no second look is taken at a diagnosis that was answered by it.

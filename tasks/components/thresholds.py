@@ -8,6 +8,7 @@ from typing import Any, final
 import numpy as np
 
 from wbc import checks
+from wbc.arguments import TellsArguments
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotState
 from wbc.types import Mat, Vec
@@ -18,7 +19,7 @@ SIGMAS, SLOW_PART, WINDOW = 7.0, 1.5, 0.2
 
 @final
 @dataclass(frozen=True, eq=False)
-class Thresholds:
+class Thresholds(metaclass=TellsArguments):
     """``value`` (nj,) for :class:`~tasks.components.momentum_observer.MomentumObserver`, ``noise`` (nj,) of one tick's
     missing torques for :class:`~tasks.components.fault_reaction.FaultReaction`; and of the residual its ``deviation``
     about means over 0.2 s and the largest of these, ``slow`` (nj,). All [N m, N]."""

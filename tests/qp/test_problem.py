@@ -227,7 +227,7 @@ def test_whatever_is_no_problem_is_refused_as_one(make: Any):
 
 @pytest.mark.parametrize("qp", [None, 3, "qp", [[1.0]], object()])
 def test_what_is_no_qp_is_not_solved(qp: Any):
-    with pytest.raises(InvalidInput, match="must be a QP"):
+    with pytest.raises(InvalidInput, match=r"qp is .* it must be a wbc\.QP"):
         solve(qp)
 
 

@@ -143,7 +143,7 @@ class WrongUnits(Height):
         (HoldsWhereItWas, "not pure: out.e depends on the state that was filled first"),
         (NegativeWeight, r"weights\(\) are"),
         (WrongErrorRate, "ed is"),
-        (WrongUnits, "units are 2"),
+        (WrongUnits, r"units is \('m', 'm'\)"),
     ],
 )
 def test_a_wrong_task_is_caught_and_named(task: type[Task], said: str):

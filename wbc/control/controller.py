@@ -19,7 +19,7 @@ from typing import Any, final
 import numpy as np
 
 from wbc import checks
-from wbc.arguments import TellsArguments
+from wbc.arguments import TellsArguments, tells_arguments
 from wbc.control.command import Command
 from wbc.control.explain import explain, reproducer
 from wbc.control.measured import Measured
@@ -145,6 +145,7 @@ class Controller(Solving, metaclass=TellsArguments):
         """The same as ``copy.deepcopy``: components have memory, so a copy has its own, and its own members."""
         return deepcopy(self)
 
+    @tells_arguments
     def replace(self, stack: Stack) -> None:
         """Replace the stack from the next tick on; call it between ticks.
 
@@ -367,6 +368,7 @@ class Controller(Solving, metaclass=TellsArguments):
         """
         return self.plans.compile_waiting()
 
+    @tells_arguments
     def explain(self, *, save: str | Path | None = None) -> str:
         """The last tick in words and units: tasks with residual and share of the cost, active rows with multipliers.
 

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, final
 import numpy as np
 
 from wbc import checks
+from wbc.arguments import tells_arguments
 from wbc.control.controller import Controller
 from wbc.errors import InvalidInput, WbcError
 from wbc.types import Status, Vec
@@ -42,6 +43,7 @@ class Batch:
         return len(self.status) / self.seconds
 
 
+@tells_arguments
 def run_many(
     plans: Controller | Sequence[Controller], states: Sequence[tuple[float, Any, Any]], *, workers: int = 1,
     alone: bool = True,

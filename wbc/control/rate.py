@@ -24,6 +24,7 @@ from typing import final
 import numpy as np
 
 from wbc import checks
+from wbc.arguments import TellsArguments
 from wbc.control.controller import Controller
 from wbc.control.twin import Twin
 from wbc.control.watchdog import KEPT, Times, times
@@ -33,7 +34,7 @@ _SPARE, _LAST = 1.25, 16
 
 
 @final
-class Rate:
+class Rate(metaclass=TellsArguments):
     """Sleeps until the next period begins.
 
     Statistics are of the last 10 000 periods, counts and ``worst`` of all. The operating system decides how even the

@@ -10,6 +10,7 @@ from typing import Any, final
 import numpy as np
 
 from wbc import checks
+from wbc.arguments import tells_arguments
 from wbc.control.controller import Controller
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
@@ -65,6 +66,7 @@ class _Limits(JointInterval):
         return self._bounds[0].copy(), self._bounds[1].copy()
 
 
+@tells_arguments
 def reach(
     robot: RobotModel, tasks: Sequence[Objective] | Sequence[Sequence[Objective]], *,
     subject_to: Iterable[Any] | None = None, start: Any = None, attempts: int = 30, seed: int = 0,

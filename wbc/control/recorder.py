@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc import checks
+from wbc.arguments import TellsArguments
 from wbc.control.metadata import check_metadata, plain, with_more
 from wbc.control.packing import packed, packs, unpacked
 from wbc.control.table import table
@@ -60,7 +61,7 @@ class UnknownColumn(UnknownName, KeyError):
 
 
 @final
-class Run(Mapping[str, Column]):
+class Run(Mapping[str, Column], metaclass=TellsArguments):
     """A record: a mapping from column name to array (N,) or (N, k), and ``meta``.
 
     Raises:
@@ -226,7 +227,7 @@ class Run(Mapping[str, Column]):
 
 
 @final
-class Recorder:
+class Recorder(metaclass=TellsArguments):
     """Columns in memory set aside for ``capacity`` rows; the first row decides their names and shapes.
 
     A value is a number or an array (k,), kept as float64. A column that a later row leaves out is NaN there (-1 for

@@ -31,6 +31,7 @@ from typing import NamedTuple, final
 import numpy as np
 
 from wbc import checks
+from wbc.arguments import TellsArguments
 from wbc.control import fallback
 from wbc.control.command import Command, Proof, read_only
 from wbc.control.solving import Solving
@@ -65,7 +66,7 @@ _OF_RELAXED = ("pdas", "clarabel")
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Recovery:
+class Recovery(metaclass=TellsArguments):
     """Settings of the fallback sequence: what a controller does in a tick without a certified solution.
 
     Args:

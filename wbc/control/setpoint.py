@@ -25,6 +25,7 @@ from typing import Any, final
 import numpy as np
 
 from wbc import checks
+from wbc.arguments import TellsArguments
 from wbc.control.command import Command
 from wbc.control.controller import Controller
 from wbc.types import Vec
@@ -34,7 +35,7 @@ FEEDBACK = ("measured", "commanded")
 
 
 @final
-class Setpoint:
+class Setpoint(metaclass=TellsArguments):
     """Runs a controller on the measured state, or on the one it commanded itself.
 
     ``q`` (nq,) and ``v`` (nv,) are the setpoint, joints last: what to send after a tick. Both are NaN before the first

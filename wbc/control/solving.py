@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from wbc.control.command import Command, Forces, Proof
-from wbc.errors import NotSupported
+from wbc.errors import InvalidInput, NotSupported
 from wbc.models.model import RobotModel, RobotState
 from wbc.qp.problem import QP
 from wbc.qp.rows import Outcome, RowSolver, solution_of
@@ -69,6 +69,8 @@ class Solving:
         Raises:
             WbcError: something in the stack makes no sense for this robot and level.
         """
+        if not (stack.tasks or stack.subject_to or stack.contacts or stack.components):
+            raise InvalidInput("the stack is empty: write wbc.Stack([...]) with tasks, such as Posture(robot.q0)")
         state = self.model.state(drifts=self._level.order > 1)
         plans = Plans(state, stack, self._level, dt=self._dt, open_solver=self._open, prepared=prepared)
         self.plans, self._stack = plans, stack

@@ -20,6 +20,7 @@ from typing import NamedTuple, final
 import numpy as np
 
 from wbc import checks
+from wbc.arguments import TellsArguments
 
 #: How many of the last durations, periods and latenesses statistics are made of.
 KEPT = 10_000
@@ -27,7 +28,7 @@ KEPT = 10_000
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Watchdog:
+class Watchdog(metaclass=TellsArguments):
     """Settings.
 
     Args:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Any
 
+from wbc.arguments import TellsArguments
 from wbc.qp.problem import QP
 from wbc.qp.solver import Solver
 from wbc.types import Frozen
 
 
-class Method(Frozen, ABC):
+class Method(Frozen, metaclass=TellsArguments):
     """Frozen problem data. ``closed_form()`` and ``solve(solver)`` give the same kind of result.
 
     ``difference`` says how far two results are from each other, by name, each number relative to what it measures, so

@@ -23,6 +23,7 @@ from typing import Any, final
 import numpy as np
 
 from wbc import checks
+from wbc.arguments import TellsArguments
 from wbc.errors import InvalidInput, NotSupported
 from wbc.methods.shared import positive
 from wbc.types import Vec
@@ -31,7 +32,7 @@ SCHEMES = ("exact", "euler", "implicit")
 
 
 @final
-class MomentumResidual:
+class MomentumResidual(metaclass=TellsArguments):
     """The residual in steps of dt, each of which may have its own. With w = τ − β − Δp/dt, the mean of τ_f over the
     interval, r ← r + φ (w − r):
 

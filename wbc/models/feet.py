@@ -7,6 +7,7 @@ from typing import Literal, final
 
 import numpy as np
 
+from wbc.arguments import TellsArguments
 from wbc.models.geometry import Triple
 from wbc.types import Vec
 
@@ -17,7 +18,7 @@ class Guessed(UserWarning):
 
 @final
 @dataclass(frozen=True)
-class Foot:
+class Foot(metaclass=TellsArguments):
     """A flat ``sole`` or a round ``point`` fixed to ``frame``, and the friction it can be expected to have.
 
     sole    a rectangle in the x-y plane of the frame, centred at ``origin`` [m], ``half_size`` (x, y) [m]; where the

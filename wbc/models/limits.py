@@ -7,12 +7,13 @@ from typing import final
 
 import numpy as np
 
+from wbc.arguments import TellsArguments
 from wbc.types import Vec
 
 
 @final
 @dataclass(frozen=True, eq=False)
-class Limits:
+class Limits(metaclass=TellsArguments):
     """Limits of each joint, (nj,) each: position [rad, m], speed [rad/s, m/s], torque [N m, N]; ±inf: none.
 
     The numbers are the model's own, even where they make no sense (a speed limit of 0 in a URDF):

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 
 from wbc import checks
+from wbc.arguments import tells_arguments
 from wbc.errors import InvalidInput, ModelError, UnknownConfiguration, UnknownRobot
 from wbc.files import located
 from wbc.models import plausible
@@ -36,6 +37,7 @@ _HEAD, _DEPTH = 4096, 4
 _LEANS, _FALLS = np.radians(0.5), np.radians(30.0)
 
 
+@tells_arguments
 def load(
     robot: str | Path | Any,
     *,
@@ -115,7 +117,7 @@ def load(
         (oddities, UserWarning), (plausible.inertias(loaded), plausible.ImplausibleInertia), (guessed, Guessed)
     ):  # fmt: skip
         if found:
-            warnings.warn(f"{loaded.name}: {_few(found, '; ')}", kind, stacklevel=2)
+            warnings.warn(f"{loaded.name}: {_few(found, '; ')}", kind, stacklevel=3)
     return loaded
 
 

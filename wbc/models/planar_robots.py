@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc import checks
+from wbc.arguments import TellsArguments
 from wbc.models.chain import Chain
 from wbc.models.planar import JointLimits, PlanarRobot
 from wbc.types import Mat, Vec
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 _SUMS = np.triu(np.ones((4, 4)))
 
 
-class _Derivable(PlanarRobot):
+class _Derivable(PlanarRobot, metaclass=TellsArguments):
     def symbolic(self) -> Derivation:
         """The dynamics derived: sympy expressions, and ``latex()``."""
         from wbc.models.lagrange import derive

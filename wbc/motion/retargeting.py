@@ -20,6 +20,7 @@ import numpy as np
 import pinocchio
 
 from wbc import checks, tasks
+from wbc.arguments import tells_arguments
 from wbc.control.controller import Controller
 from wbc.errors import InvalidInput
 from wbc.files import Place
@@ -173,6 +174,7 @@ def _contacts(robot: PinocchioModel, table: Table, targets: Motion) -> dict[str,
     return found
 
 
+@tells_arguments
 def retarget(
     motion: Motion | Place, robot: PinocchioModel, mapping: Table | Place | None = None, *,
     acceleration: float | None = 200.0, collisions: bool = True, repair: bool = False, progress: Progress = silent,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from wbc.errors import InvalidInput
+from wbc import checks
+from wbc.arguments import tells_arguments
 from wbc.qp.certificate import Certificate, certificate
 from wbc.qp.problem import QP, Objective, Row, Shape
 from wbc.qp.solver import Session, Solution, Solver
@@ -10,6 +11,7 @@ from wbc.qp.solver import Session, Solution, Solver
 __all__ = ["QP", "Certificate", "Objective", "Row", "Session", "Shape", "Solution", "Solver", "certificate", "solve"]
 
 
+@tells_arguments
 def solve(qp: QP, solver: str | Solver = "pdas") -> Solution:
     """Solve one QP. For a sequence of problems open a session instead: it starts warm.
 
@@ -31,6 +33,4 @@ def solve(qp: QP, solver: str | Solver = "pdas") -> Solution:
     """
     from wbc.qp.solvers import by_name
 
-    if not isinstance(qp, QP):
-        raise InvalidInput(f"qp must be a QP, not {qp!r}")
-    return by_name(solver).solve(qp)
+    return by_name(solver).solve(checks.instance("qp", qp, QP, "a wbc.QP"))

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from wbc import checks
+from wbc.arguments import TellsArguments
 from wbc.errors import InvalidInput, InvalidProblem
 from wbc.files import Place, written
 from wbc.npz import read_json, read_npz
@@ -53,7 +54,7 @@ class Shape(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class QP(Frozen):
+class QP(Frozen, metaclass=TellsArguments):
     """minimise ½ xᵀHx + gᵀx  subject to  A x = b,  cl ≤ C x ≤ cu,  lb ≤ x ≤ ub.
 
     Shapes: H (n, n) symmetric, g (n,), A (n_eq, n), C (n_in, n). Bounds may be ±inf and stay

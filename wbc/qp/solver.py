@@ -13,6 +13,7 @@ from typing import Self, final
 import numpy as np
 
 from wbc import checks
+from wbc.arguments import TellsArguments
 from wbc.errors import InvalidProblem, SolverMissing
 from wbc.qp.answer import Answer, Counts, Solution
 from wbc.qp.certificate import FINE, TOLERANCE, Certificate
@@ -132,7 +133,7 @@ def _verdict(qp: QP, claimed: Status, proof: Certificate, tolerance: float) -> t
     return (Status.INACCURATE if claimed.ok else claimed), why
 
 
-class Solver(Frozen, ABC):
+class Solver(Frozen, metaclass=TellsArguments):
     """Frozen settings of a QP solver; ``open(shape)`` gives a session with memory.
 
     ``name`` is what users type, ``requires`` the modules it needs (looked up, not imported),

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wbc import checks
+from wbc.arguments import tells_arguments
 from wbc.errors import NotSupported
 from wbc.report import measure
 from wbc.report.document import Clock, Report, Scene, Tile, formatted, rounded
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from wbc.control.recorder import Run
 
 
+@tells_arguments
 def run_report(result: ScenarioResult, *, progress: Progress = silent) -> Report:
     """The report of a run as data; :func:`wbc.report.folder.write` writes it down.
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wbc import checks
+from wbc.arguments import tells_arguments
 from wbc.errors import InvalidInput
 from wbc.files import located
 from wbc.report import measure
@@ -52,6 +53,7 @@ LONG = 24
 TOLD = ("distances", "residuals", "tasks")
 
 
+@tells_arguments
 def save_comparison(
     runs: Mapping[str, Run], folder: str | os.PathLike[str], *, robot: RobotModel | None = None,
     obstacles: Sequence[Obstacle] = (), progress: Progress = silent

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wbc.arguments import tells_arguments
 from wbc.control.recorder import ARRAYS_FILE, Run
 from wbc.errors import InvalidInput, WbcError
 from wbc.files import located
@@ -40,6 +41,7 @@ MOTION = "motion.png"
 RESULTS = (JUDGED, BESIDE, CALLED, "failure", "active_rows", "statuses", "ended", "fallen", "silent")
 
 
+@tells_arguments
 def save_report(
     run: Run, folder: str | os.PathLike[str], *, robot: RobotModel | None = None, obstacles: Sequence[Obstacle] = ()
 ) -> Path:

@@ -10,7 +10,7 @@ of a robot into them.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -20,6 +20,7 @@ import numpy as np
 import pinocchio
 
 from wbc import checks
+from wbc.arguments import TellsArguments
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
 from wbc.robots.joint_map import JointMap
@@ -171,7 +172,7 @@ class Order:
         )
 
 
-class Device(ABC):
+class Device(metaclass=TellsArguments):
     """Frames of one kind of robot: ``encode`` and ``unpack`` are ours, ``decode`` and ``report`` the robot's own side.
 
     ``law`` is what its motors follow: "impedance" (the law above, on the robot), "torque" or "position".

@@ -51,6 +51,7 @@ import pinocchio
 from scipy.special import chdtri
 
 from wbc import checks
+from wbc.arguments import TellsArguments
 from wbc.compiled import Memory
 from wbc.errors import InvalidInput
 from wbc.models.feet import Foot
@@ -67,7 +68,7 @@ FASTEST, FARTHEST = 1e3, 1e4
 
 
 @final
-class BaseEstimator:
+class BaseEstimator(metaclass=TellsArguments):
     """Estimates (q, v) of a robot with a floating base, one sample of its sensors after the other.
 
     Settings are arguments; what changes is what :meth:`reset` and :meth:`update` write. Without ``forces`` and

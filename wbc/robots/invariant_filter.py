@@ -46,13 +46,14 @@ from typing import final
 import numpy as np
 
 from wbc import checks
+from wbc.arguments import TellsArguments
 from wbc.robots.compiled.filter_kernel import BODY, LAYOUT, Filter, doubt
 from wbc.types import Mat, Vec
 
 
 @final
 @dataclass(frozen=True)
-class ImuNoise:
+class ImuNoise(metaclass=TellsArguments):
     """The errors of an IMU, each one standard deviation; the data sheet of an IMU has them.
 
     ``gyro`` [rad/s/√Hz] and ``accelerometer`` [m/s²/√Hz]: densities of the white noise. ``gyro_bias`` [rad/s] and

@@ -21,6 +21,7 @@ from typing import Any, final
 import numpy as np
 
 from wbc import checks
+from wbc.arguments import TellsArguments
 from wbc.errors import InvalidInput, UnknownJoint, UnknownSlot
 from wbc.models.model import RobotModel
 from wbc.types import Index, Vec
@@ -31,7 +32,7 @@ UNITS = {"rad": 1.0, "deg": 180.0 / np.pi, "m": 1.0}
 
 @final
 @dataclass(frozen=True, eq=False)
-class JointMap:
+class JointMap(metaclass=TellsArguments):
     """Joints of a robot on the slots of a device. Not tried on hardware.
 
     Its functions turn arrays (n,), in the order of ``joints``, into arrays (size,), in the order of ``device``, and

@@ -13,6 +13,7 @@ from typing import Any, final
 import numpy as np
 
 from wbc import checks
+from wbc.arguments import TellsArguments
 from wbc.control.reach import Reached, reach
 from wbc.errors import InvalidInput
 from wbc.models import load
@@ -21,7 +22,7 @@ from wbc.types import Mat, Vec
 
 
 @final
-class RobotKinematics:
+class RobotKinematics(metaclass=TellsArguments):
     """Kinematics of one frame of an arm, joints in degrees.
 
     Args:

@@ -29,6 +29,7 @@ import pinocchio
 from threadpoolctl import threadpool_limits
 
 from wbc import checks
+from wbc.arguments import TellsArguments
 from wbc.control.command import Command
 from wbc.control.controller import Controller
 from wbc.control.rate import Rate
@@ -65,7 +66,7 @@ class Base(Protocol):
 
 
 @final
-class Loop:
+class Loop(metaclass=TellsArguments):
     """Runs a controller on the robot behind a port.
 
     Args:

@@ -22,6 +22,7 @@ import numpy as np
 import pinocchio
 
 from wbc import checks
+from wbc.arguments import TellsArguments
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
 from wbc.robots.device import BadFrame, Device, Order, Reading, rotation
@@ -51,7 +52,7 @@ def holding_gains(robot: RobotModel) -> tuple[Vec, Vec]:
 
 
 @final
-class MotorBoard:
+class MotorBoard(metaclass=TellsArguments):
     """A port (:class:`~wbc.robots.port.Port`) to a plant; its clock is the plant's, which moves while one sleeps.
 
     Args:

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, Protocol, final, runtime_checkable
 
+from wbc.arguments import TellsArguments
 from wbc.errors import WbcError
 from wbc.robots.device import Device
 
@@ -45,7 +46,7 @@ class Port(Protocol):
 
 
 @final
-class Udp:
+class Udp(metaclass=TellsArguments):
     """Frames that are bytes, as datagrams: to a :func:`serve` in another process, on this machine or beside it.
 
     No robot uses this; it is for dry runs in which scripts are killed. Raises OSError as sockets do.

@@ -13,11 +13,12 @@ import time
 from typing import Any, final
 
 from wbc import checks
+from wbc.arguments import TellsArguments
 from wbc.robots.ros2_control import Ros2Control
 
 
 @final
-class Ros2Port:
+class Ros2Port(metaclass=TellsArguments):
     """A connection (:class:`~wbc.robots.port.Port`) to the joints of ``device``.
 
     Args:

@@ -15,6 +15,7 @@ import numpy as np
 import pinocchio
 
 from wbc import checks
+from wbc.arguments import TellsArguments
 from wbc.errors import InvalidInput
 from wbc.robots.device import rotation
 from wbc.robots.estimator import BaseEstimator
@@ -28,7 +29,7 @@ _DEGREE, _MILLI_G = math.pi / 180.0, 9.81e-3
 
 @final
 @dataclass(frozen=True)
-class Sensors:
+class Sensors(metaclass=TellsArguments):
     """A set of sensors: standard deviations, and the delay with which the controller gets a sample.
 
     ``imu``: its noise and biases. ``joint_position`` [rad, m] and ``joint_velocity`` [rad/s, m/s]: white noise of the

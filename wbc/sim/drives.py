@@ -8,6 +8,7 @@ from typing import Any, final
 import numpy as np
 
 from wbc import checks
+from wbc.arguments import TellsArguments
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
 from wbc.types import Vec
@@ -20,7 +21,7 @@ DAMPING_TIME = 0.05
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PositionDrives:
+class PositionDrives(metaclass=TellsArguments):
     """Drives that hold each joint at its commanded position, like a spring and a damper:
 
         τ = K (q* − q) + D (q̇* − q̇) + τ*        cut to the joint's torque limit

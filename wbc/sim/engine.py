@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass
 from typing import Any, final
 
 from wbc import checks
+from wbc.arguments import TellsArguments
 from wbc.errors import InvalidInput, SimulationError
 from wbc.models.mujoco_import import import_mujoco
 from wbc.sim.plant import whole
@@ -27,7 +28,7 @@ def mujoco() -> Any:
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class PhysicsSettings:
+class PhysicsSettings(metaclass=TellsArguments):
     """Settings of the physics engine; every other setting is MuJoCo's default. The friction cone is elliptic.
 
     ``solref`` (time constant [s], damping ratio) and ``solimp`` shape how soft contacts and joint stops are: with the

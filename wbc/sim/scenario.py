@@ -11,13 +11,14 @@ import importlib.util
 import inspect
 import operator
 import sys
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, final
 
 from wbc import checks
+from wbc.arguments import TellsArguments
 from wbc.errors import InvalidInput, UnknownName, UnknownRobot, UnknownScenario, WbcError
 from wbc.plugins import one_line, registered
 from wbc.sim.trial import Parameters, Progress, Settings, Setup, Trial, silent, trials
@@ -63,7 +64,7 @@ RELATIONS: Mapping[str, Callable[[float, float], bool]] = {
 
 @final
 @dataclass(frozen=True)
-class Check:
+class Check(metaclass=TellsArguments):
     """One line of a verdict: ``value relation bound``, both in ``unit``, and where it is seen in the run.
 
     Raises:
@@ -132,7 +133,7 @@ class ScenarioResult:
     beside: Mapping[str, Run] = field(default_factory=dict)
 
 
-class Scenario(ABC):
+class Scenario(metaclass=TellsArguments):
     """A model, a stack, a plant, disturbances and what counts as success, runnable by name.
 
     A scenario says three things. ``build(p)`` sets one run up. ``judge(trials, p)`` judges the result. ``cases(p)``

@@ -10,6 +10,7 @@ from typing import Any, final
 from threadpoolctl import threadpool_limits
 
 from wbc import checks
+from wbc.arguments import tells_arguments
 from wbc.control.command import Command
 from wbc.control.controller import Controller
 from wbc.control.metadata import with_more
@@ -41,6 +42,7 @@ class NoAnswer(UserWarning):
     """A run in which no tick was solved: the robot moved by fallback commands alone."""
 
 
+@tells_arguments
 def simulate(
     controller: Controller | Setpoint,
     plant: Plant,
@@ -149,7 +151,7 @@ def simulate(
     run = record.run({**told, **meta})
     run.failed = watched.failed
     if watched.failure is not None and run["status"].all():  # SOLVED is number 0
-        warnings.warn(f"no tick of this run was solved. {watched.failure['why']}", NoAnswer, stacklevel=2)
+        warnings.warn(f"no tick of this run was solved. {watched.failure['why']}", NoAnswer, stacklevel=3)
     if interrupted:
         raise Interrupted(run, controller.model) from None
     return run
@@ -244,7 +246,7 @@ def check_fit(controller: Controller, plant: Plant) -> None:
         warnings.warn(
             f"this {type(plant).__name__} lacks contacts of the stack, {', '.join(missing)}: nothing there pushes on "
             "the robot. Write MujocoPlant(robot, contacts=stack.contacts)",
-            MissingContact, stacklevel=3,
+            MissingContact, stacklevel=4,
         )  # fmt: skip
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar, final
 import numpy as np
 
 from wbc import checks
+from wbc.arguments import TellsArguments
 
 if TYPE_CHECKING:
     from wbc.control.controller import Controller
@@ -98,7 +99,7 @@ class Parameters(dict[str, Any]):
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Setup:
+class Setup(metaclass=TellsArguments):
     """Everything that one run is made of: a stack at a level on a robot, a plant at its start, and what disturbs it.
 
     Args:

@@ -89,7 +89,10 @@ class Block(ABC):
         for what in names:
             unwritten = np.isnan(getattr(self.out, what))
             if unwritten.any():
-                raise InvalidInput(f"{self.name}.fill left NaN in out.{what}[{int(np.argwhere(unwritten)[0][0])}]")
+                first = int(np.argwhere(unwritten)[0][0])
+                raise InvalidInput(
+                    f"{self.name}.fill left NaN in out.{what}[{first}]; write it, as by out.{what}[:] = …"
+                )
 
 
 def says_of(member: Any) -> Any:

@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, final
 
+from wbc import checks
 from wbc.arguments import TellsArguments
 from wbc.errors import InvalidInput
 from wbc.stack.component import Component
@@ -116,7 +117,7 @@ def _listed(where: str, members: Any) -> list[Any]:
     """``members`` as a list; one member alone is a slip of the pen."""
     if isinstance(members, Iterable) and not isinstance(members, str):
         return list(members)
-    raise InvalidInput(f"{where} must be a list, not {members!r}; write {where}=[…]")
+    raise InvalidInput(f"{where} must be a list, not {checks.shown(members)}; write {where}=[…]")
 
 
 #: What may stand in each place, and what to write there.
@@ -136,4 +137,4 @@ def _only(where: str, members: Iterable[Any]) -> None:
                 raise InvalidInput(f"{where}[{i}] is the class {member.__name__}; write {member.__name__}(…)")
             place = next((f"belongs in {one}" for one, (kind, _) in _PLACES.items() if isinstance(member, kind)), "")
             hint = "; task.exactly() makes a constraint of it" if isinstance(member, Objective) else ""
-            raise InvalidInput(f"{where}[{i}] is {member!r}; it {place or f'must be {such}'}{hint}")
+            raise InvalidInput(f"{where}[{i}] is {checks.shown(member)}; it {place or f'must be {such}'}{hint}")

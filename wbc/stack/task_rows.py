@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+from wbc.errors import UnknownAttribute, UnknownPart
 from wbc.types import Mat, Vec
+
+
+class UnknownArray(UnknownPart, UnknownAttribute):  # type: ignore[misc]  # as UnknownAttribute
+    """The rows that a member fills have no array of this name."""
+
+    kind = "array"
 
 
 class FilledRows:
@@ -12,6 +19,7 @@ class FilledRows:
 
     Raises:
         ValueError: an assignment that does not have the shape of the array, nor one that numpy repeats to it.
+        UnknownArray: an array that these rows do not have, with those that they have.
 
     Example:
         >>> import numpy as np
@@ -28,8 +36,16 @@ class FilledRows:
     def __setattr__(self, name: str, value: Any) -> None:
         if hasattr(self, name):
             getattr(self, name)[...] = value
-        else:
+        elif hasattr(type(self), name):
             object.__setattr__(self, name, value)
+        else:
+            self.__getattr__(name)
+
+    def __getattr__(self, name: str) -> Any:
+        """Only called for what is not there, or is not given yet."""
+        if hasattr(type(self), name):
+            raise AttributeError(name)
+        raise UnknownArray(name, (array for array in dir(type(self)) if array[0] != "_"), "out")
 
 
 class TaskRows(FilledRows):

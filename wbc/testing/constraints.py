@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from wbc import checks
+from wbc.arguments import tells_arguments
 from wbc.models.model import RobotModel
 from wbc.stack.constraint import (
     Barrier,
@@ -31,6 +32,7 @@ _DECIDED = InverseDynamics.carries
 _QUANTITIES = {"position", "velocity", "acceleration", "jerk", "torque"}
 
 
+@tells_arguments
 def check_constraint(
     constraint: Any, model: RobotModel | None = None, states: Iterable[Moment] | None = None, *, contact_dim: int = 6
 ) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from wbc import checks
+from wbc.arguments import tells_arguments
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.contact import Anchor, Contact
 from wbc.stack.task import Reaction, Task, TaskRows
@@ -19,6 +20,7 @@ from wbc.testing.tasks import check_task
 from wbc.types import Mat, Vec
 
 
+@tells_arguments
 def check_contact(contact: Contact, model: RobotModel | None = None, states: Iterable[Moment] | None = None) -> None:
     """Check a contact on ``model``, or on those of our arm, quadruped and humanoid that have its frame.
 

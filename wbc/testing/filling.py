@@ -10,6 +10,7 @@ from typing import Any, final
 import numpy as np
 
 from wbc.models.model import RobotModel, RobotState
+from wbc.stack.member import explained
 from wbc.testing.failure import require
 from wbc.testing.robots import Moment
 from wbc.types import Vec
@@ -90,8 +91,8 @@ class Filling:
     def _fill(self, memory: tuple[Any, dict[str, tuple[Vec, Vec]]], moment: Moment, state: RobotState) -> Arrays:
         out, arrays = memory
         state.update(*moment)
-        self.write(state, out)
         name = self.name
+        explained(f"{name}.fill", self.write, state, out)
         require(
             np.array_equal(state.q, moment[1]) and np.array_equal(state.v, moment[2]), f"{name}.fill changed the state"
         )
@@ -102,5 +103,7 @@ class Filling:
             bad = np.isnan(inner) if array in self.may_be_infinite else ~np.isfinite(inner)
             if array not in self.optional and bad.any():
                 at = tuple(int(i) for i in np.argwhere(bad)[0])
-                require(False, f"{name}.fill left {inner[at]} in out.{array}{list(at)}; every number must be written")
+                require(
+                    False, f"{name}.fill left {inner[at]} in out.{array}{list(at)}; write it, as by out.{array}[:] = …"
+                )
         return {array: inner.copy() for array, (_, inner) in arrays.items()}

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from wbc import checks
+from wbc.arguments import tells_arguments
 from wbc.errors import NoClosedForm, SolverFailed
 from wbc.methods.method import Method
 from wbc.qp.solver import Solver
@@ -29,6 +30,7 @@ def tolerance(solver: str, quantity: str) -> float:
     return min(reached, LINEAR[quantity]) if quantity in LINEAR else reached
 
 
+@tells_arguments
 def check_method(method: Method, solvers: Iterable[str | Solver] | None = None) -> None:
     """Closed form and QP of one method agree, and so do the solvers among themselves.
 

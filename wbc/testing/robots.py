@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from wbc import checks
-from wbc.errors import UnknownName, WbcError
+from wbc.errors import UnknownFrame, UnknownJoint, WbcError
 from wbc.models import load
 from wbc.models.model import RobotModel
 from wbc.stack.member import bound
@@ -60,7 +60,7 @@ def on_robots(member: Any, model: RobotModel | None, check: Callable[[Any, Robot
             continue
         try:
             check(own, robot)
-        except UnknownName as reason:  # of a member that looks for its frames in ``fill`` alone
+        except (UnknownFrame, UnknownJoint) as reason:  # of a member that looks for its frames in ``fill`` alone
             refused.append(f"{robot.name}: {reason}")
     if len(refused) == len(robots()):
         raise CheckFailed(

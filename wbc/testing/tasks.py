@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc import checks
+from wbc.arguments import tells_arguments
+from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
-from wbc.stack.member import bound
+from wbc.stack.member import bound, refuse_no_rows
 from wbc.stack.task import LinearRows, LinearTask, Objective, Task, TaskRows
 from wbc.testing.differences import (
     STEP,
@@ -22,7 +24,7 @@ from wbc.testing.differences import (
     turned_by_target,
     velocity_names,
 )
-from wbc.testing.failure import differs, require, worst
+from wbc.testing.failure import CheckFailed, differs, require, worst
 from wbc.testing.filling import Arrays, Filling
 from wbc.testing.robots import Moment, moments, on_robots
 from wbc.types import Mat, Vec
@@ -30,6 +32,7 @@ from wbc.types import Mat, Vec
 _QUANTITIES = {"torque", "acceleration", "force"}
 
 
+@tells_arguments
 def check_task(
     task: Objective,
     model: RobotModel | None = None,
@@ -50,6 +53,7 @@ def check_task(
 
     Raises:
         CheckFailed: which rule, which row, and the two numbers that differ.
+        MemberFailed: a method of the task raised.
 
     Example:
         >>> from wbc.tasks import CenterOfMass
@@ -75,12 +79,12 @@ def check_task(
 
 
 def _check_description(task: Objective) -> None:
+    try:
+        refuse_no_rows(task)
+    except InvalidInput as refused:
+        raise CheckFailed(str(refused)) from refused
     name, dim = task.name, task.dim
     require(isinstance(name, str) and name, "a task must have a name")
-    require(isinstance(dim, int) and dim > 0, f"{name}.dim is {dim!r}; it must be a positive integer")
-    require(
-        isinstance(task.units, str) or len(task.units) == dim, f"{name}.units are {len(task.units)}, its rows {dim}"
-    )
     weights = task.weights()
     require(weights.shape == (dim,), f"{name}.weights() must have shape ({dim},), not {weights.shape}")
     require((weights >= 0.0).all(), f"{name}.weights() are {weights}; each must be a number >= 0")

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from wbc import checks
+from wbc.arguments import tells_arguments
 from wbc.errors import InvalidProblem
 from wbc.qp.certificate import Certificate, certificate
 from wbc.qp.lexicographic.parts import Part, Stage
@@ -25,6 +26,7 @@ from wbc.types import Index, Mat, Status, Vec
 _CORE = "pdas"
 
 
+@tells_arguments
 def lexicographic(
     levels: Sequence[tuple[Any, Any, Any]], *, lb: Any = None, ub: Any = None, solver: str | Solver = "pdas"
 ) -> Solution:

@@ -10,6 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
+from wbc.arguments import tells_arguments
 from wbc.errors import InvalidInput
 from wbc.qp.problem import QP
 from wbc.qp.solver import Solver
@@ -34,6 +35,7 @@ PROBLEMS = "problems"
 _JOURNAL = "journal.jsonl"
 
 
+@tells_arguments
 def compare(
     run: Any,
     *,
