@@ -21,9 +21,9 @@ _SAID = {
     "not certified": "an answer within all constraints, its distance from the optimum unproved",
     "not optimised": "the levels that the budget reached; those below are where these leave them",
     "weighted fallback": "one weighted sum of all levels",
-    "relaxed": "the constraints are relaxed as little as possible",
+    "relaxed": "the constraints are relaxed as little as possible; torques, friction and dynamics hold",
     "closed form": "the closed form, cut to the limits",
-    "hold": "the last certified command is held",
+    "hold": "the last certified command is held, cut to the limits",
     "damped": "the robot brakes",
 }
 
@@ -40,7 +40,7 @@ def explain(controller: Solving) -> str:
         if controller.last is not None and controller.last.fallback_level in WEAKER:
             lines += [*_levels(controller), *_tasks(controller)]
         return "\n".join(lines)
-    lines = [f"{head} ({controller.form} form, {controller.iterations} iterations)"]
+    lines = [f"{head} in {controller.iterations} iteration{'s' * (controller.iterations != 1)}"]
     lines += [*_levels(controller), *_tasks(controller), *_active_rows(controller), *_regularisation(controller)]
     return "\n".join(lines)
 
@@ -56,7 +56,7 @@ def _failure(controller: Solving) -> list[str]:
         lines.append(f"  {why}")
     if controller.last is not None:
         level = controller.last.fallback_level
-        lines.append(f"  instead: {_SAID.get(level, level)}, within its limits")
+        lines.append(f"  instead: {_SAID.get(level, level)}")
     return lines
 
 
