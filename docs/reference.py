@@ -39,6 +39,8 @@ SHOWN: Mapping[str, tuple[str, ...]] = {
 #: Levels of a row of docs/features.md: "`Frame`, `Position` (v a τ)".
 LEVELS = re.compile(r"((?:`\w+`(?:, )?)+) \(([vaτ ]+)\)")
 NAMES = {"v": "velocity", "a": "acceleration", "τ": "inverse dynamics"}
+#: Classes of the page of ``wbc`` from which members derive.
+BASES = ("Task", "LinearTask", "Barrier", "LinearConstraint", "Constraint", "Contact", "Component")
 ROLE = re.compile(r":\w+:`~?([\w.]+)`")
 PAGE = re.compile(r"\bdocs/(\w)(\w+)\.md")
 SECTION = re.compile(r"^(Args|Attributes|Raises|Returns|Yields|Example|Examples|Source|Sources|Signals|Note):\s*(.*)$")
@@ -190,6 +192,10 @@ def member(name: str, value: type, kind: str, serves: str) -> str:
         facts.append(f"| levels | {serves} |")
     source = module.__name__.removeprefix("wbc.").replace(".", "/")
     facts.append(f"| source | `{source}.py` |")
+    above = next(base.__name__ for base in value.__mro__[1:] if base.__name__ in BASES)
+    facts.append(
+        f"| derived from | [`{above}`](wbc.md#{above.lower()}), which has its equations and further arguments |"
+    )
     return "\n".join(
         [
             f"# {name}\n\n{prose(about(name, value))}\n",
@@ -197,9 +203,19 @@ def member(name: str, value: type, kind: str, serves: str) -> str:
             *facts,
             f"\n```python\n{signature(name, value)}\n```\n",
             rendered(inspect.getdoc(value) or ""),
+            *settings(value),
             "",
         ]
     )
+
+
+def settings(value: type) -> Iterator[str]:
+    """What may be assigned to a member between ticks, most of it inherited, as a list with a heading."""
+    found = {name: getattr(value, name, None) for name in (*inspect.signature(value).parameters, "active")}
+    about = {n: inspect.getdoc(p) or "" for n, p in found.items() if isinstance(p, property) and p.fset is not None}
+    if about:
+        yield "\n**May be assigned between ticks**\n"
+        yield from (f"* `{name}`: {prose(text)}" for name, text in about.items())
 
 
 def module_page(name: str) -> str:

@@ -24,9 +24,10 @@ _OPTIONAL = ("position", "velocity", "torque")
 class JointLimits(Constraints):
     """Position, velocity, acceleration, jerk and torque of every joint, as one interval that is never empty.
 
-    By default the model's own limits on position, velocity and torque; ``without`` leaves some of them out, values
-    overrule them: scalar, (nj,) or {joint: value}. Accelerations ``a_max`` and jerks ``j_max`` are limited where
-    given. ``no_load_speed`` makes the torque limits fall with speed, see
+    By default the model's own limits on position, velocity and torque; ``without`` leaves some of them out, and
+    ``lower``, ``upper`` (positions), ``v_max`` and ``tau_max`` replace them: scalar, (nj,) or {joint: value}.
+    ``braking``: see :class:`~tasks.limits.joint_position.JointPositionLimits`. Accelerations ``a_max`` and jerks
+    ``j_max`` are limited where given. ``no_load_speed`` makes the torque limits fall with speed, see
     :class:`~tasks.limits.torque_speed.TorqueSpeedLimits`.
 
     Positions, velocities, accelerations and jerks become one interval for each joint, a bound on the unknown of the

@@ -121,7 +121,7 @@ class Barrier(Constraint):
     def _positive(self, what: str, value: Any) -> float:
         return checks.number(f"{self.name}.{what}", value, low=0.0, strict=True)
 
-    rate = setting("rate", "γ [1/s]; may be assigned between ticks.", _positive)
+    rate = setting("rate", "γ [1/s]: how fast h may approach zero.", _positive)
 
     @abstractmethod
     def fill(self, state: RobotState, out: BarrierRows) -> None:

@@ -122,7 +122,7 @@ class Contact(Member):
     target = setting(
         "target", "The pose at which the contact is held, read when it is made; None: that of the frame then.", _pose
     )
-    kp = setting("kp", "Gain on what the contact has moved [1/s²]; may be assigned between ticks, as ``kd``.", _gain)
+    kp = setting("kp", "Gain on what the contact has moved [1/s²].", _gain)
     kd = setting("kd", "Gain on the velocity of the contact [1/s]; critical where none was given at first.", _gain)
     f_min = setting("f_min", "Least normal force [N]; None: the bound of the friction cone, usually 0.", _force_bound)
     f_max = setting("f_max", "Largest normal force [N]; None: no bound.", _force_bound)

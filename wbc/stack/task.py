@@ -65,9 +65,7 @@ class Task(Objective):
     def _optional(self, what: str, value: Any) -> float | Vec | ByName | None:
         return None if value is None else self._numbers(what, value)
 
-    kp = setting(
-        "kp", "Gain on the error [1/s²]; may be assigned between ticks, as may ``kd`` and ``rate``.", Objective._numbers
-    )
+    kp = setting("kp", "Gain on the error [1/s²].", Objective._numbers)
     kd = setting("kd", "Gain on the error's rate [1/s]; None: critical, 2 √kp.", _optional)
     rate = setting("rate", "Gain at the velocity level [1/s]; None: kp / kd.", _optional)
 

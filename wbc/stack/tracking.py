@@ -46,7 +46,7 @@ class Tracking(Objective):
 
     @property
     def target(self) -> Any:
-        """What was given."""
+        """What the task tracks: a value or a function of time, as it was given."""
         return self._given
 
     @target.setter
