@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 import re
 import shutil
 import subprocess
@@ -50,6 +51,20 @@ def test_every_member_of_the_library_has_a_page_with_an_example(site: Path) -> N
         page = (site / "reference" / f"{name}.html").read_text(encoding="utf-8")
         assert "highlight-pycon" in page, name
     assert len(listed) > 50
+
+
+def test_the_page_of_a_member_explains_settings_that_it_inherits() -> None:
+    reference = importlib.import_module("reference")
+    pages, _ = reference.pages()
+    for members in reference.members().values():
+        for name, member in members:
+            page = pages[f"reference/{name}.md"]
+            assert re.search(r"derived from \| \[`\w+`\]\(wbc\.md#\w+\)", page), name
+            for argument in inspect.signature(member).parameters:
+                setting = getattr(member, argument, None)
+                if isinstance(setting, property) and setting.fset is not None:
+                    assert re.search(rf"^\* `{argument}`: .{{9,}}", page, re.MULTILINE), f"{name}: {argument}"
+    assert "* `kd`: Gain on the error's rate" in pages["reference/Position.md"]
 
 
 def test_the_pages_ask_no_server(site: Path) -> None:
