@@ -6,7 +6,7 @@ from typing import Any
 
 from wbc import checks
 from wbc.arguments import tells_arguments
-from wbc.errors import InvalidInput, NotSupported
+from wbc.errors import NotSupported
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.stack.contact import Contact
 
@@ -30,8 +30,7 @@ def feet(robot: PinocchioModel, *, friction_share: float = 0.8, **settings: Any)
         >>> feet(wbc.load("quadruped"))[0]
         Point[front_left_foot](friction=0.48)
     """
-    if not isinstance(robot, PinocchioModel):
-        raise InvalidInput(f"robot is {checks.shown(robot)}; it must be a robot from wbc.load(...)")
+    checks.instance("robot", robot, PinocchioModel, "a robot from wbc.load(...)")
     share = checks.number("friction_share", friction_share, low=0.0, strict=True)
     if not robot.feet:
         stand = "" if robot.nb else "; a robot with legs that is loaded with base='floating' has feet"

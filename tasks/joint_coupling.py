@@ -44,8 +44,7 @@ class JointCoupling(KernelTask):
     ) -> None:  # fmt: skip
         self.joint = self.subject = checks.text("JointCoupling.joint", joint)
         super().__init__(kp=kp, kd=kd, rate=rate, weight=weight, name=name)
-        if not isinstance(to, Mapping):
-            raise InvalidInput(f"{self.name}.to is {checks.shown(to)}; it must be {{joint: ratio}}")
+        checks.instance(f"{self.name}.to", to, Mapping, "{joint: ratio}")
         self.ratios = {other: checks.number(f"{self.name}.to[{other!r}]", ratio) for other, ratio in to.items()}
         self.offset = offset
         if not self.ratios or joint in self.ratios or 0.0 in self.ratios.values():

@@ -8,7 +8,6 @@ import numpy as np
 
 from wbc import checks
 from wbc.arguments import tells_arguments
-from wbc.errors import InvalidInput
 from wbc.models.pinocchio_ import PinocchioModel
 
 from .criteria.manipulability import ROWS
@@ -36,8 +35,7 @@ def loop_closures(robot: PinocchioModel, **settings: Any) -> list[LoopClosure]:
         >>> loop_closures(wbc.load("arm"))
         []
     """
-    if not isinstance(robot, PinocchioModel):
-        raise InvalidInput(f"robot is {checks.shown(robot)}; it must be a robot from wbc.load(...)")
+    checks.instance("robot", robot, PinocchioModel, "a robot from wbc.load(...)")
     state, rng = robot.state(), np.random.default_rng(0)
     closures = []
     for loop in robot.urdf.loops:

@@ -6,7 +6,7 @@ from typing import Any
 
 from wbc import checks
 from wbc.arguments import tells_arguments
-from wbc.errors import InvalidInput, NotSupported
+from wbc.errors import NotSupported
 from wbc.models.pinocchio_ import PinocchioModel
 
 from .joint_coupling import JointCoupling
@@ -29,8 +29,7 @@ def mimic_joints(robot: PinocchioModel, **settings: Any) -> list[JointCoupling]:
         >>> mimic_joints(wbc.load("arm"))
         []
     """
-    if not isinstance(robot, PinocchioModel):
-        raise InvalidInput(f"robot is {checks.shown(robot)}; it must be a robot from wbc.load(...)")
+    checks.instance("robot", robot, PinocchioModel, "a robot from wbc.load(...)")
     found = []
     for joint in robot.urdf.joints:
         if joint.mimics is None or joint.name not in robot.joint_names:

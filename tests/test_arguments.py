@@ -13,7 +13,7 @@ import pytest
 import wbc
 import wbc.tasks
 from wbc.arguments import UnknownArgument, UnknownMethod, WrongArguments, WrongMethod
-from wbc.errors import InvalidInput, MemberFailed, UnknownFrame, WbcError
+from wbc.errors import InvalidInput, MemberFailed, UnknownArray, UnknownFrame, WbcError
 from wbc.methods import Method
 from wbc.models.feet import Foot
 from wbc.robots import Loop
@@ -22,7 +22,6 @@ from wbc.sim.plant import ForwardDynamicsPlant, IntegratorPlant
 from wbc.sim.scenario import Check
 from wbc.sim.simulate import simulate
 from wbc.sim.trial import Setup
-from wbc.stack.task_rows import UnknownArray
 from wbc.tasks import Position, Posture
 from wbc.testing import check_task
 

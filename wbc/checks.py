@@ -326,6 +326,19 @@ def symmetric(name: str, matrix: Mat, *, error: type[InvalidInput] = InvalidInpu
         raise error(f"{name} is not symmetric: {entries}")
 
 
+def rows(name: str, member: object) -> None:
+    """Refuse a ``member`` of this name whose rows have no number or no units.
+
+    Raises:
+        InvalidInput: ``dim`` is no positive whole number, or ``units`` are neither a text nor one for each row.
+    """
+    dim, units = getattr(member, "dim", None), getattr(member, "units", None)
+    if not isinstance(dim, int) or dim < 1:
+        raise InvalidInput(f"{name}.dim is {dim!r}; set it, and units, in __init__: how many rows there are")
+    if not isinstance(units, str) and not (isinstance(units, tuple | list) and len(units) == dim):
+        raise InvalidInput(f"{name}.units is {units!r}; set it in __init__: a text, or {dim}, one for each row")
+
+
 def gains(name: str, value: Any, size: int) -> Vec:
     """A number >= 0 for each of ``size`` rows, from one for all or (size,).
 

@@ -123,6 +123,12 @@ class UnknownPart(UnknownName):
         return f"{self.owner}: {super()._sentence()}"
 
 
+class UnknownArray(UnknownPart, UnknownAttribute):  # type: ignore[misc]  # as UnknownAttribute
+    """The rows that a member fills have no array of this name."""
+
+    kind = "array"
+
+
 class NotCompiled(WbcError, AttributeError):
     """What follows from the robot, asked of a member that no plan has been made with."""
 

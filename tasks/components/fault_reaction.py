@@ -39,8 +39,7 @@ class When(metaclass=TellsArguments):
         checks.one_of("kind", self.kind, KINDS)
         checks.items("joints", self.joints, "names of joints")
         for i, reaction in enumerate(checks.items("reactions", self.reactions, "reactions")):
-            if not isinstance(reaction, Reaction):
-                raise InvalidInput(f"reactions[{i}] is {reaction!r}; it must be a reaction such as Release()")
+            checks.instance(f"reactions[{i}]", reaction, Reaction, "a reaction such as Release()")
 
     def holds(self, diagnosis: Diagnosis) -> bool:
         """Whether the line is about this diagnosis."""
@@ -121,12 +120,10 @@ class FaultReaction(Component):
         dominance: float = 10.0, hands: Sequence[str] = (), name: str | None = None,
     ) -> None:  # fmt: skip
         super().__init__(name=name)
-        if not isinstance(observer, MomentumObserver):
-            raise InvalidInput(f"{self.name}.observer is {observer!r}; it must be a MomentumObserver")
+        checks.instance(f"{self.name}.observer", observer, MomentumObserver, "a MomentumObserver")
         table = checks.items(f"{self.name}.table", table, "When(kind, reactions)")
         for i, line in enumerate(table):
-            if not isinstance(line, When):
-                raise InvalidInput(f"{self.name}.table[{i}] is {line!r}; it must be When(kind, reactions)")
+            checks.instance(f"{self.name}.table[{i}]", line, When, "When(kind, reactions)")
             if any(isinstance(one, Carry) and one.observer is not observer for one in line.reactions):
                 raise InvalidInput(f"{self.name}.table[{i}]: Carry needs {self.name}'s own observer")
         self.observer, self.table = observer, tuple(table)

@@ -64,7 +64,7 @@ def test_damped_torques_are_continuous_through_singularities():
         ({"tau_min": [0.0, 2.0], "tau_max": 1.0}, r"tau_min\[1\] is 2 and tau_max\[1\] is 1"),
         ({"damping": -0.1}, r"damping is -0.1; it must be >= 0"),
         ({"equalities": ([[1.0, 0.0]], [1.0, 2.0])}, r"equalities\[1\] must have shape \(1,\), not \(2,\)"),
-        ({"equalities": [[1.0, 0.0]]}, r"equalities is \[\[1.0, 0.0\]\]; it must be two arrays, \(E, e\)"),
+        ({"equalities": [[1.0, 0.0]]}, r"equalities is \[\[1.0, 0.0\]\]; it must be \(E, e\)"),
     ],
 )  # fmt: skip
 def test_bad_arguments_are_named(change: dict[str, object], message: str):

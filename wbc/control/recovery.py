@@ -35,7 +35,7 @@ from wbc.arguments import TellsArguments
 from wbc.control import fallback
 from wbc.control.command import Command, Proof, read_only
 from wbc.control.solving import Solving
-from wbc.errors import InvalidInput, InvalidProblem
+from wbc.errors import InvalidProblem
 from wbc.models.model import RobotState
 from wbc.qp.certificate import TOLERANCE, Certificate
 from wbc.qp.problem import QP
@@ -93,9 +93,7 @@ class Recovery(metaclass=TellsArguments):
         checks.number("resume_after", self.resume_after, low=1)
         if self.budget is not None:
             checks.number("budget", self.budget, low=0.0)
-        if not isinstance(self.relax, tuple | list):
-            raise InvalidInput(f"relax is {self.relax!r}; it must be a tuple of {', '.join(map(repr, RELAXABLE))}")
-        if self.relax:
+        if checks.items("relax", self.relax, f"of {', '.join(RELAXABLE)}"):
             checks.names("relax", self.relax, RELAXABLE)
 
 

@@ -383,10 +383,9 @@ class WeightedTorque(Method):
 def _equalities(given: tuple[Any, Any] | None, size: int) -> tuple[Mat, Vec]:
     if given is None:
         return np.zeros((0, size)), np.zeros(0)
-    if not isinstance(given, tuple | list) or len(given) != 2:
-        raise InvalidInput(f"equalities is {given!r}; it must be two arrays, (E, e)")
-    E = checks.array("equalities[0]", given[0], (None, size))
-    return E, checks.array("equalities[1]", given[1], (len(E),))
+    rows, values = checks.pair("equalities", given, "E, e")
+    E = checks.array("equalities[0]", rows, (None, size))
+    return E, checks.array("equalities[1]", values, (len(E),))
 
 
 def _weight(weight: Any, M: Mat, inverse: Mat) -> tuple[Mat, Mat]:

@@ -181,8 +181,7 @@ class Applied:
             if what not in QUANTITIES:
                 raise InvalidInput(f"{name}.lifted has {what!r}; it may have {', '.join(QUANTITIES)}")
         joints: Any = overrides.lifted.get(quantity, ())
-        if not isinstance(joints, tuple):
-            raise InvalidInput(f"{name}.lifted[{quantity!r}] is {checks.shown(joints)}; it must be indices of joints")
+        checks.instance(f"{name}.lifted[{quantity!r}]", joints, tuple, "indices of joints")
         return [self._joint(name, f"lifted[{quantity!r}]", joint) for joint in joints]
 
     def _joint(self, name: str, where: str, joint: Any) -> int:
@@ -237,9 +236,8 @@ class Applied:
                     if contact not in self.places:
                         raise UnknownName(contact, self.places, f"{name}.{what} speaks of a contact")
                     if not isinstance(value, int | float | np.number) or np.isnan(value):
-                        raise InvalidInput(
-                            f"{name}.{what}[{checks.shown(contact)}] is {checks.shown(value)}; it must be a number [N]"
-                        )
+                        where = f"{name}.{what}[{checks.shown(contact)}]"
+                        raise InvalidInput(f"{where} is {checks.shown(value)}; it must be a number [N]")
                     place = self.places[contact]
                     bounds[place] = narrower(bounds[place], float(value))
             crossed = ~((floors <= limits) & (limits >= 0.0) & (floors < np.inf))

@@ -16,7 +16,7 @@ from wbc.stack.constraint import Barrier, Constraints, JointInterval, LinearCons
 from wbc.stack.contact import AXES, WRENCH, Contact, keys
 from wbc.stack.kernel_rows import CENTRE, MOMENTUM, kernel_rows_of
 from wbc.stack.level import Level
-from wbc.stack.member import EFFORTS, explained, refuse_no_rows
+from wbc.stack.member import EFFORTS, explained
 from wbc.stack.stack import Stack
 from wbc.stack.task import Exactly, LinearTask, Task, force_of
 from wbc.types import Index
@@ -158,7 +158,7 @@ class Layout:
         if isinstance(says, JointInterval):
             quantity, carried = str(says.quantity), level.bounds
         else:
-            refuse_no_rows(says)
+            checks.rows(says.name, says)
             quantity, carried = getattr(says, "on", ""), level.carries
         if quantity and quantity not in carried:
             raise NotSupported(

@@ -402,19 +402,6 @@ def bound(member: M, model: RobotModel) -> M:
     return cast(M, own)
 
 
-def refuse_no_rows(member: Any) -> None:
-    """Refuse a member whose rows have no number or no units.
-
-    Raises:
-        InvalidInput: ``dim`` is no positive whole number, or ``units`` are neither a text nor one for each row.
-    """
-    dim, units = getattr(member, "dim", None), getattr(member, "units", None)
-    if not isinstance(dim, int) or dim < 1:
-        raise InvalidInput(f"{member.name}.dim is {dim!r}; set it, and units, in __init__: how many rows there are")
-    if not isinstance(units, str) and not (isinstance(units, tuple | list) and len(units) == dim):
-        raise InvalidInput(f"{member.name}.units is {units!r}; set it in __init__: a text, or {dim}, one for each row")
-
-
 def explained(where: str, call: Callable[..., None], *arguments: Any) -> None:
     """Call a method of a member while a plan is made: what goes wrong there, or in its target, is said by its name.
 

@@ -154,8 +154,7 @@ def _copied(value: Any) -> Any:
 
 
 def _frozen(name: str, value: Any) -> Mapping[Any, Any]:
-    if not isinstance(value, Mapping):
-        raise InvalidInput(f"{name} is {checks.shown(value)}; it must be a mapping")
+    checks.instance(name, value, Mapping, "a mapping")
     return _Values({key: _kept(name, key, one) for key, one in value.items()}) if value else _NONE
 
 
@@ -164,10 +163,7 @@ def _kept(name: str, key: Any, value: Any) -> Any:
         return tuple(value)
     if name != "tasks":
         return value
-    if not isinstance(value, Mapping):
-        raise InvalidInput(
-            f"tasks[{checks.shown(key)}] is {checks.shown(value)}; it must be a mapping, such as {{'weight': 1.0}}"
-        )
+    checks.instance(f"tasks[{checks.shown(key)}]", value, Mapping, "a mapping, such as {'weight': 1.0}")
     return _Values({k: _copied(v) if isinstance(v, np.ndarray) else v for k, v in value.items()})
 
 

@@ -53,13 +53,14 @@ class Stack(Frozen, metaclass=TellsArguments):
         contacts: Iterable[Contact] = (),
         components: Iterable[Component] = (),
     ) -> None:
-        tasks = _listed("tasks", tasks)
+        tasks = checks.items("tasks", tasks, _PLACES["tasks"][1])
         nested = any(isinstance(t, list | tuple) for t in tasks)
         if nested and not all(isinstance(t, list | tuple) for t in tasks):
             raise InvalidInput("tasks must be one flat list, or a list of lists (levels), not a mixture")
         levels = tuple(tuple(level) for level in tasks) if nested else (tuple(tasks),)
         others = {"subject_to": subject_to, "contacts": contacts, "components": components}
-        self._set(levels=levels, **{where: tuple(_listed(where, members)) for where, members in others.items()})
+        others = {where: tuple(checks.items(where, given, _PLACES[where][1])) for where, given in others.items()}
+        self._set(levels=levels, **others)
         for where in _PLACES:
             _only(where, getattr(self, where))
         self._refuse_equal_names()
@@ -111,13 +112,6 @@ class Stack(Frozen, metaclass=TellsArguments):
             if members:
                 lines.append(f"  {title}: " + ", ".join(repr(m) for m in members))
         return "\n".join(lines)
-
-
-def _listed(where: str, members: Any) -> list[Any]:
-    """``members`` as a list; one member alone is a slip of the pen."""
-    if isinstance(members, Iterable) and not isinstance(members, str):
-        return list(members)
-    raise InvalidInput(f"{where} must be a list, not {checks.shown(members)}; write {where}=[…]")
 
 
 #: What may stand in each place, and what to write there.

@@ -4,14 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from wbc.errors import UnknownAttribute, UnknownPart
+from wbc.errors import UnknownArray
 from wbc.types import Mat, Vec
-
-
-class UnknownArray(UnknownPart, UnknownAttribute):  # type: ignore[misc]  # as UnknownAttribute
-    """The rows that a member fills have no array of this name."""
-
-    kind = "array"
 
 
 class FilledRows:

@@ -12,7 +12,7 @@ from wbc import checks
 from wbc.arguments import tells_arguments
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
-from wbc.stack.member import bound, refuse_no_rows
+from wbc.stack.member import bound
 from wbc.stack.task import LinearRows, LinearTask, Objective, Task, TaskRows
 from wbc.testing.differences import (
     STEP,
@@ -80,7 +80,7 @@ def check_task(
 
 def _check_description(task: Objective) -> None:
     try:
-        refuse_no_rows(task)
+        checks.rows(task.name, task)
     except InvalidInput as refused:
         raise CheckFailed(str(refused)) from refused
     name, dim = task.name, task.dim
