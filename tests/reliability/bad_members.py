@@ -215,7 +215,8 @@ def _limits() -> Iterator[tuple[str, Callable[[], object], tuple[str, ...]]]:
 def _stacks() -> Iterator[tuple[str, Callable[[], object], tuple[str, ...]]]:
     here = [0.4, 0.2, 0.5]
     posture = T.Posture(np.zeros(7))
-    yield "a task that is no list", lambda: wbc.Stack(posture), ("tasks must be a list",)  # type: ignore[arg-type]
+    yield "a task that is no list", lambda: wbc.Stack(posture), ("tasks is Posture", "in a list")  # type: ignore[arg-type]
+    yield "an empty stack", lambda: wbc.Controller(arm(), wbc.Stack([]), level=LEVEL), ("the stack is empty", "tasks")
     yield "a task's class", lambda: wbc.Stack([T.Posture]), ("tasks[0]", "the class Posture")  # type: ignore[list-item]
     yield "a limit among the tasks", lambda: wbc.Stack([posture, T.JointVelocityLimits()]), ("tasks[1]", "subject_to")  # type: ignore[list-item]
     yield "a task among the constraints", lambda: wbc.Stack([], subject_to=[posture]), ("subject_to[0]", "exactly()")
@@ -353,7 +354,7 @@ def _accepted() -> Iterator[tuple[str, Callable[[], object]]]:
         assert np.isfinite(decided).all() and np.isfinite(command.q).all()
         return command
 
-    yield "no task at all", lambda: ticks()
+    yield "no task at all", lambda: ticks(subject_to=[T.JointVelocityLimits()])
     yield (
         "positions with lower = upper",
         lambda: ticks(T.Posture(np.ones(7)), subject_to=[T.JointPositionLimits(lower=arm().q0, upper=arm().q0)]),
