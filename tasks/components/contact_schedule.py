@@ -49,6 +49,9 @@ class ContactSchedule(Schedule):
     ``touching``: a function of a contact's name that says whether a sensor feels the ground. A contact then closes when
     it touches, at most ``early`` seconds before its time; if it touches later, it closes later.
 
+    Where the clock goes back, or past several changes at once, the set is that of the timeline at that time. A contact
+    that closes then starts a ramp; one that stays closed goes on without.
+
     Signals, in the order of ``names``: ``contacts`` (n,), 1 where one holds, and ``limits`` (n,) [N].
 
     Raises:
@@ -83,7 +86,7 @@ class ContactSchedule(Schedule):
         n = len(self.names)
         self._made, self._until, self._limits = [-inf] * n, [-inf] * n, np.zeros(n)
         self._held: frozenset[str] = frozenset()
-        self._next_change = -inf
+        self._next_change = self._now = -inf
 
     def _rate(self, what: str, given: float) -> float:
         forever = isinstance(given, float) and given == inf
@@ -144,6 +147,9 @@ class ContactSchedule(Schedule):
     def contacts(self, state: RobotState, last: object) -> frozenset[str]:
         """The timeline's set; with a sensor, what of it has touched."""
         t = state.t
+        if t < self._now:  # the clock went back
+            self._until, self._next_change = [-inf] * len(self.names), -inf
+        self._now = t
         if t + _SAME < self._next_change:
             return self._held
         held = set()
@@ -154,7 +160,7 @@ class ContactSchedule(Schedule):
             make, end = self.interval(name, t)
             if make <= t + _SAME if self.touching is None else make - self.early <= t + _SAME and self.touching(name):
                 held.add(name)
-                self._made[i] = t if make > -inf else -inf
+                self._made[i] = t if make > -inf and name not in self._held else -inf
                 self._until[i] = end
         self._held = frozenset(held)
         if self.touching is None:
@@ -193,7 +199,7 @@ class ContactSchedule(Schedule):
                 floors[name] = min(force - most, limits[name])
 
     def reset(self, state: RobotState) -> None:
-        self._held, self._next_change = frozenset(), -inf
+        self._held, self._next_change, self._now = frozenset(), -inf, -inf
         touching, self.touching = self.touching, None  # what holds at the start needs no sensor
         self.contacts(state, None)
         self.touching = touching

@@ -58,6 +58,22 @@ def test_missed_periods_are_counted():
     assert (control.watch.late, control.watch.missed) == (2, 5)
 
 
+@pytest.mark.parametrize("bad", [np.nan, np.inf, 1e300])
+def test_a_tick_in_a_state_that_is_none_is_still_a_tick_in_time(bad: float):
+    control = controller(refuse=True)
+    for k in range(10):
+        control.tick(k * DT, np.full(ARM.nq, bad) if k == 4 else ARM.q0, STILL)
+    assert str(control.watch) == "0 backwards, 0 stale, 0 late (0 periods missed)"
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e300, -1e300])
+def test_a_time_that_is_none_is_not_counted(bad: float):
+    control = controller(refuse=True)
+    statuses = [control.tick(bad if k == 4 else k * DT, ARM.q0, STILL).status for k in range(10)]
+    assert statuses == [Status.INVALID_STATE if k == 4 else Status.SOLVED for k in range(10)]
+    assert str(control.watch) == "0 backwards, 0 stale, 0 late (0 periods missed)"
+
+
 def test_ticks_over_budget_are_counted_and_written_down(monkeypatch: pytest.MonkeyPatch):
     def clock() -> Iterator[float]:
         now = 0.0

@@ -55,6 +55,26 @@ def test_at_every_tick_the_set_is_that_of_the_timeline(timeline: Any, period: fl
         assert held == said(timeline, period, tick)
 
 
+@given(TIMELINES, PERIODS, st.lists(st.integers(0, 200), min_size=1, max_size=12))
+def test_the_set_is_that_of_the_timeline_wherever_the_clock_jumps(timeline: Any, period: float | None, at: Any) -> None:
+    schedule = ContactSchedule(timeline, period=period)
+    schedule.reset(Clock(0.0))
+    assert [schedule.contacts(Clock(DT * k), None) for k in at] == [said(timeline, period, k) for k in at]
+
+
+@pytest.mark.parametrize("back", [1.2, 0.5])
+def test_a_foot_that_stands_keeps_its_load_when_the_clock_goes_back(back: float) -> None:
+    opens = FEET[0]
+    schedule = ContactSchedule([(0.0, FEET), (1.0, FEET[1:]), (1.1, FEET)], force_rate=np.inf)
+    tasks = standing(QUADRUPED, shift=0.0)
+    stack = Stack(tasks.tasks, contacts=tasks.contacts, components=[schedule])
+    control = wbc.Controller(QUADRUPED, stack, level=wbc.InverseDynamics(), dt=DT)
+    times = [0.0, 1.05, *np.arange(1.1, 2.0, DT), back, back + DT]
+    loads = [control.tick(t, QUADRUPED.q0, np.zeros(QUADRUPED.nv)).f[opens][2] for t in times]
+    assert loads[1] == 0.0 < 10.0 < loads[-3]
+    assert loads[-2:] == pytest.approx(loads[-3:-2] * 2, rel=1e-6)
+
+
 @given(TIMELINES, PERIODS, st.randoms(use_true_random=False))
 def test_with_a_sensor_a_contact_is_made_when_it_touches_and_broken_when_the_timeline_says(
     timeline: Any, period: float | None, random: Any

@@ -220,7 +220,8 @@ class Controller(Solving, metaclass=TellsArguments):
         t, q, v = measured.read(t, q, v)
         self.ticks += 1
         self.serial += 1
-        self.why = measured.take(t, q, v) or watch.seen(t)
+        odd = watch.seen(t)
+        self.why = measured.take(t, q, v) or odd
         if self.why:
             command = self.fallbacks.unposed(Status.INVALID_STATE)
         else:

@@ -16,7 +16,7 @@ from wbc.types import Vec
 
 _NUMBERS = np.dtype(np.float64)
 #: No time [s] is as late.
-_NEVER = HUGE**2
+NEVER = HUGE**2
 
 
 @final
@@ -65,12 +65,12 @@ class Measured:
         """
         self.q[...] = q
         self.v[...] = v
-        if -_NEVER < t < _NEVER and not spoilt(self._address):
+        if -NEVER < t < NEVER and not spoilt(self._address):
             return ""
         return self._reason(t)
 
     def _reason(self, t: float) -> str:
-        if not -_NEVER < t < _NEVER:
+        if not -NEVER < t < NEVER:
             return f"t is {t:g}"
         quaternion = self.q[3:7]
         # The parts of a quaternion are named by its norm, unless one of them is no number.

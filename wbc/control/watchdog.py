@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from math import isnan
+from math import isnan, nan
 from time import perf_counter
 from typing import NamedTuple, final
 
@@ -21,6 +21,7 @@ import numpy as np
 
 from wbc import checks
 from wbc.arguments import TellsArguments
+from wbc.control.measured import NEVER
 
 #: How many of the last durations, periods and latenesses statistics are made of.
 KEPT = 10_000
@@ -93,6 +94,8 @@ class Watch:
         return self._odd(step)
 
     def _odd(self, step: float) -> str:
+        if not abs(self._t) < NEVER:
+            self._t = step = nan
         if isnan(step):
             return ""
         if step > 0.0:
