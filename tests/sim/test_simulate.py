@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from tasks import JointVelocityLimits, Position, Posture, TorqueLimits
+from tasks import Damping, JointVelocityLimits, Position, Posture, TorqueLimits
 from wbc.control.controller import Controller
 from wbc.control.recorder import Run
 from wbc.errors import InvalidInput, NotSupported, SimulationError
 from wbc.models import load
 from wbc.qp import QP
 from wbc.qp.conflict import conflict
+from wbc.report import save_report
 from wbc.sim.disturbance import Delay, Push, SensorNoise
 from wbc.sim.plant import IntegratorPlant, Plant
 from wbc.sim.simulate import Interrupted, NoAnswer, simulate
@@ -121,6 +122,18 @@ def test_a_plan_of_the_caller_runs_before_each_tick_and_progress_is_told():
     jump = np.abs(np.diff(run["error.Position[tool]"][:, 2]))
     assert jump.argmax() == 9 and jump.max() > 0.09
     assert shares[0] == 0.0 and shares[-1] == 1.0 and shares == sorted(shares)
+
+
+def test_a_stack_that_is_replaced_goes_on_in_the_columns_of_the_first(tmp_path):
+    control, plant = reaching(), IntegratorPlant(ARM, level="velocity")
+    reach = Position("tool", target=TARGET[:2], axes="xy", kp=100.0)
+    other = Stack([reach, Damping(weight=0.1)], subject_to=[JointVelocityLimits()])
+    run = simulate(control, plant, duration=0.1, before_tick=lambda t: control.replace(other) if t == 0.05 else None)
+    assert run.meta["ended"] == "complete" and not run["status"].any()
+    for name in ("error.Posture", "error.Position[tool]", "signal.Counter.count"):
+        assert (np.isfinite(run[name]).reshape(100, -1).all(axis=1) == (np.arange(100) < 50)).all(), name
+    assert "error.Damping" not in run
+    save_report(run, tmp_path)
 
 
 def test_controller_starts_anew_and_the_plant_goes_on():

@@ -314,8 +314,6 @@ class Recorder(metaclass=TellsArguments):
         command = controller.tick(t, q, v)
         microseconds = (perf_counter_ns() - start) / 1000.0
         row = self._ticks.row(float(t), np.asarray(q), np.asarray(v), command, microseconds)
-        if self.rows and decides.stack is not self._ticks.stack:
-            row = {name: value for name, value in row.items() if np.shape(value) == self._shape(name)}
         self.append(row | more)
         self._ticks.watch(float(t))
         return command
@@ -394,7 +392,8 @@ class Recorder(metaclass=TellsArguments):
     def _checked(self, name: str, value: float | Vec) -> Vec:
         if name not in self._place:
             raise UnknownColumn(name, self._place, "columns are fixed by the first row")
-        wanted = self._shape(name)
+        place = self._place[name]
+        wanted = (place.stop - place.start,) if isinstance(place, slice) else ()
         try:
             result = np.asarray(value, dtype=np.float64)
         except (TypeError, ValueError, OverflowError) as cause:
@@ -402,13 +401,6 @@ class Recorder(metaclass=TellsArguments):
         if result.shape != wanted:
             raise InvalidInput(f"column {name!r} has shape {wanted}, fixed by the first row; not {result.shape}")
         return result
-
-    def _shape(self, name: str) -> tuple[int, ...] | None:
-        """Of a column, fixed by the first row; None where there is none."""
-        place = self._place.get(name)
-        if isinstance(place, slice):
-            return (place.stop - place.start,)
-        return None if place is None else ()
 
     @property
     def grown(self) -> int:

@@ -43,7 +43,8 @@ class Ticks:
     """The rows of one controller, tick by tick.
 
     ``failure`` says when and why the first tick without an answer had none, ``failed`` is its QP; both None before.
-    Signals of a component that fail in the first tick are recorded in none.
+    Signals of a component that fail in the first tick are recorded in none. The first tick fixes the columns: of a
+    stack that replaced the first, only what has these names and sizes is recorded.
     """
 
     def __init__(self, controller: Controller) -> None:
@@ -56,6 +57,7 @@ class Ticks:
         #: Components whose signals could not be recorded in some tick, and why the first time.
         self.silent: dict[str, str] = {}
         self._shapes: dict[str, dict[str, tuple[int, ...]]] = {}
+        self._columns: dict[str, tuple[int, ...]] = {}
         #: Every row that was active so far, with its side: what the numbers of the column ``active.row`` mean.
         self.active_rows: dict[tuple[str, str, str, str], int] = {}
 
@@ -86,7 +88,12 @@ class Ticks:
             row[f"margin.{name}"] = margin
             if barrier.codes is not None:
                 row[f"about.{name}"] = barrier.codes.copy()
-        return row | self._signals()
+        row |= self._signals()
+        if not self._columns:
+            self._columns = {name: np.shape(value) for name, value in row.items()}
+        elif controller.stack is not self.stack:
+            row = {name: value for name, value in row.items() if np.shape(value) == self._columns.get(name)}
+        return row
 
     def refuse(self, more: Mapping[str, Any]) -> None:
         """Refuse columns of a user that cannot stand in a row beside these.

@@ -59,9 +59,9 @@ def simulate(
     The controller starts anew; the plant does not: call ``plant.reset(q, v)`` yourself. A controller decides from the
     measured state in every tick; a :class:`~wbc.Setpoint` in its place says from which (``run.meta["feedback"]``,
     "measured" or "commanded"). Ticks are timed one by one with one BLAS thread. ``before_tick(t)`` runs first in each
-    tick and may assign targets and weights. ``progress(done)`` is called with a number in [0, 1], a hundred times. With
-    ``recorder`` False only ``t``, ``status`` and ``tick_us`` are kept. ``meta`` is added to the metadata that the loop
-    knows, of which it may replace the robot's name alone.
+    tick and may assign targets and weights, or replace the stack. ``progress(done)`` is called with a number in [0, 1],
+    a hundred times. With ``recorder`` False only ``t``, ``status`` and ``tick_us`` are kept. ``meta`` is added to the
+    metadata that the loop knows, of which it may replace the robot's name alone.
 
     Of the first tick without an answer, ``run.meta["failure"]`` says when and why and ``run.failed`` is the QP. A run
     in which no tick had one is warned about (:class:`NoAnswer`).
