@@ -6,12 +6,13 @@ import warnings
 from types import SimpleNamespace
 
 import numpy as np
+import pinocchio
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import wbc
-from tasks import FrozenJoints, JointCoupling, Position, Sinusoid
+from tasks import FrozenJoints, JointCoupling, Point, Position, Sinusoid, Sole
 from tasks.scenarios.humanoid_stand import STANCES
 from tasks.scenarios.quadruped_stand import STANCES as QUADRUPED_STANCES
 from tasks.scenarios.standing import standing_stack
@@ -131,6 +132,20 @@ def test_the_moment_of_a_sole_says_where_the_robot_stands(standing, stander):
 def test_what_the_mechanism_holds_is_refused_as_such(held, name):
     with pytest.raises(NotSupported, match="part of the mechanism"):
         MujocoPlant(ARM, contacts=[held.with_reaction(name=name)])
+
+
+@settings(max_examples=5, deadline=None)
+@given(st.floats(-3.0, 3.0), st.floats(0.02, 3.0))
+def test_a_slope_is_refused_and_a_turned_level_surface_is_not(yaw, lean):
+    level, slope = (pinocchio.utils.rpyToMatrix(0.0, pitch, yaw) for pitch in (0.0, lean))
+    foot = next(iter(QUADRUPED.feet))
+    MujocoPlant(QUADRUPED, contacts=[Point(foot, friction=0.5, radius=0.02, axes=level)])
+    for leaning in (
+        Point(foot, friction=0.5, radius=0.02, axes=slope),
+        Sole(foot, friction=0.5, half_size=(0.1, 0.05), target=pinocchio.SE3(slope, np.zeros(3))),
+    ):
+        with pytest.raises(NotSupported, match=rf"{foot}.* leans by {np.degrees(lean):.3g}°; here the floor is level"):
+            MujocoPlant(QUADRUPED, contacts=[leaning])
 
 
 def slips(plant):

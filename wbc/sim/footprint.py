@@ -78,7 +78,7 @@ def footprints(
     ``balls``: a sole stands on the balls that the robot's description gives it, or on one at each corner.
 
     Raises:
-        NotSupported: a contact that is no rectangle, edge or ball, such as a gear.
+        NotSupported: a contact that is no rectangle, edge or ball, such as a gear, or whose surface is not level.
         InvalidInput: a friction that is not positive, or two contacts of one name.
     """
     state = robot.state()
@@ -95,6 +95,10 @@ def footprints(
             )
         mu = contact.friction if friction is None else checks.number("friction", friction, low=0.0, strict=True)
         frame, anchor = state.frame(link), contact.anchor(state)
+        surface = anchor if contact.target is None and isinstance(contact, _Round) else contact.target
+        if surface is not None and not np.isclose(surface.rotation[2, 2], 1.0):
+            lean = np.degrees(np.arccos(np.clip(surface.rotation[2, 2], -1.0, 1.0)))
+            raise NotSupported(f"contact {name!r} is on a surface that leans by {lean:.3g}°; here the floor is level")
         if isinstance(contact, Rectangular):
             rotation = frame.rotation.T @ anchor.rotation
             origin = frame.rotation.T @ (anchor.position - frame.position)

@@ -58,7 +58,7 @@ class MujocoPlant(Plant):
     Raises:
         SimulationError: mujoco is not installed, cannot build the robot, or is not the same robot as the model.
         InvalidInput: a robot that is not from a URDF, an argument out of range, drives for another robot.
-        NotSupported: a contact that physics cannot build, such as ``task.with_reaction()``.
+        NotSupported: a contact that physics cannot build, such as ``task.with_reaction()`` or one on a slope.
         UnknownFrame: a contact on a frame that is not a link.
 
     Example:
