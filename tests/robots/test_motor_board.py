@@ -13,6 +13,8 @@ from wbc.errors import InvalidInput
 from wbc.robots import Franka, LeRobot, MotorBoard, Ros2Control, Sensors
 from wbc.robots.device import Device, Order, Reading
 from wbc.robots.unitree import UnitreeGo2
+from wbc.sim.actuator_fault import ActuatorFault
+from wbc.sim.disturbance import Delay, SensorNoise
 from wbc.sim.engine import PhysicsSettings
 from wbc.sim.mujoco_ import MujocoPlant
 from wbc.sim.plant import ForwardDynamicsPlant, IntegratorPlant
@@ -57,6 +59,18 @@ def test_orders_act_late_and_a_plant_gets_their_torques():
         board.sleep(1e-3)
         given[k] = board._tau.copy()
     assert all((given[k] == 0.5).all() == (k >= 7) for k in given)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5])
+def test_a_failing_motor_fails_here_as_in_a_simulation_and_torques_are_cut_at_their_limits(share: float):
+    most = ARM.limits.tau_max
+    fault = ActuatorFault(joint="elbow", effectiveness=share, start=0.05)
+    board = board_for(disturbances=[fault], timeout=1.0)
+    board.send(2.0 * most)
+    said = np.array([reading.tau for reading in readings(board, 0.1)])
+    left = np.ones((len(said), ARM.nj))
+    left[25:, ARM.joint("elbow")] = share
+    np.testing.assert_allclose(said, left * most, rtol=1e-6)
 
 
 def test_an_own_controller_keeps_the_posture_before_the_first_order():
@@ -149,10 +163,13 @@ def test_an_imu_sees_how_its_robot_stands_and_is_turned():
         {"imu": np.zeros(3)},
         {"imu": np.ones((3, 3))},
         {"imu": -np.eye(3)},
+        {"disturbances": [Delay(0.01)]},
+        {"disturbances": [SensorNoise(position=0.1)]},
     ],
 )
 def test_settings_that_make_no_sense_are_refused(bad: dict[str, Any]):
-    with pytest.raises(InvalidInput, match=next(iter(bad))):
+    named = "delay=, state_delay= and sensors=" if "disturbances" in bad else next(iter(bad))
+    with pytest.raises(InvalidInput, match=named):
         board_for(**bad)
 
 

@@ -6,10 +6,10 @@ In every step of the plant, each motor gives
 
 with the last order that arrived and its weight w (1 where a device has none); τ_own keeps the posture in which the
 board was started, as a robot's own controller does, also before the first order and for joints that the device does not
-drive. The plant cuts τ at the torque limits. Orders arrive ``delay`` late and states leave ``state_delay`` late. When
-no order has come for ``timeout``, motors hold on to the last one ("hold"), brake by their own damping ("damp") or give
-nothing ("limp"): no maker says what real boards do then. A frame that the robot would not take is dropped, and counts
-in ``refused``; ``why`` says what was wrong with the last one.
+drive. τ is cut at the torque limits; states say what failing actuators leave of it. Orders arrive ``delay`` late and
+states leave ``state_delay`` late. When no order has come for ``timeout``, motors hold on to the last one ("hold"),
+brake by their own damping ("damp") or give nothing ("limp"): no maker says what real boards do then. A frame that the
+robot would not take is dropped, and counts in ``refused``; ``why`` says what was wrong with the last one.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ from wbc.models.model import RobotModel
 from wbc.robots.device import BadFrame, Device, Order, Reading, rotation
 from wbc.robots.joint_map import JointMap
 from wbc.robots.sensors import SENSORS, Errors, Sensors, felt
-from wbc.sim.disturbance import Disturbance, listed
-from wbc.sim.plant import Delivered, Plant
+from wbc.sim.disturbance import Delay, Disturbance, Effect, listed
+from wbc.sim.plant import Delivered, Drive, Plant
 from wbc.stack.tracking import rotation_target
 from wbc.types import Mat, Vec
 
@@ -62,7 +62,7 @@ class MotorBoard(metaclass=TellsArguments):
         delay, state_delay: how late orders and states arrive [s].
         timeout: how long an order counts [s].
         on_timeout: "hold", "damp" or "limp", as above.
-        disturbances: pushes and payloads, as for :func:`wbc.sim.simulate.simulate`.
+        disturbances: pushes, payloads and failing actuators, as for :func:`wbc.sim.simulate.simulate`.
         sensors: noise and biases of joints, torques and IMU; its quaternion is off by ``tilt``. Default: exact ones.
             How late states are is ``state_delay``, not theirs.
         imu: rotation (3, 3) from the axes of the IMU to those of the base.
@@ -72,7 +72,7 @@ class MotorBoard(metaclass=TellsArguments):
 
     Raises:
         InvalidInput: an argument out of range; a plant that takes something other than torques; a map of another
-            device's motors.
+            device's motors; a disturbance that is a delay or acts on sensors, which are arguments of the board.
 
     Example:
         >>> import numpy as np, wbc
@@ -128,7 +128,12 @@ class MotorBoard(metaclass=TellsArguments):
         self._stiffness, self._damping = holding_gains(robot)
         self._at_rest = robot.state()
         self._own = plant.q[-robot.nj :].copy()
-        self._effects = [one.begin(plant) for one in listed(disturbances)]
+        self._effects = []
+        for one in listed(disturbances):
+            effect = one.begin(plant)
+            if isinstance(one, Delay) or type(effect).measure is not Effect.measure:
+                raise InvalidInput(f"{one}: give a motor board delay=, state_delay= and sensors= instead")
+            self._effects.append(effect)
         self._attitude: Mat = np.eye(3)
         #: Torques (nj,) on the joints from outside, as of a hand that moves them.
         self.hand: Vec = np.zeros(robot.nj)
@@ -174,11 +179,13 @@ class MotorBoard(metaclass=TellsArguments):
         plant = self.plant
         while self._coming and self._coming[0][0] <= plant.t + 1e-9:
             self._take(self._coming.popleft()[1])
+        most, still = plant.model.limits.tau_max, np.zeros(plant.model.nv)
+        given: Drive = Delivered(np.clip(self._torques(), -most, most), still, still, plant.q)
         for effect in self._effects:
             effect.push(plant.t)
-        self._tau = self._torques()
-        robot = plant.model
-        plant.step(Delivered(self._tau + self.hand, np.zeros(robot.nv), np.zeros(robot.nv), plant.q))
+            given = effect.deliver(given)
+        self._tau = given.tau
+        plant.step(Delivered(self._tau + self.hand, still, still, plant.q))
         if plant.t > self._due - 1e-9:
             self._due += 1.0 / self.device.rate
             self._last = self._read()
