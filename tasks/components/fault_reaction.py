@@ -255,15 +255,14 @@ class _ReleasedLimits(Task):
     """Joints without torque are braked where they leave their limits; of other joints it says nothing.
 
     Where a released joint is outside its position limits, or would be after ``ahead`` seconds at its speed, the
-    acceleration −kd v is asked for it. ``Release`` takes its kp away, as of all tasks on the joints: the others can
-    only throw a hanging joint back, and a serial arm's swung ten times as far beyond when they did. The weight is 0
-    until :class:`FaultReaction` overrides it.
+    acceleration −kd v is asked for it. There is no kp: the others can only throw a hanging joint back, and a serial
+    arm's swung ten times as far beyond when they did. The weight is 0 until :class:`FaultReaction` overrides it.
     """
 
     on_joints = True
 
-    def __init__(self, *, kp: float = 400.0, pull: float = 1.0, ahead: float = 0.05, name: str) -> None:
-        super().__init__(kp=kp, weight=0.0, name=name)
+    def __init__(self, *, kd: float = 40.0, pull: float = 1.0, ahead: float = 0.05, name: str) -> None:
+        super().__init__(kp=0.0, kd=kd, weight=0.0, name=name)
         self.pull, self.ahead = pull, ahead
 
     def prepare(self, model: RobotModel) -> None:
