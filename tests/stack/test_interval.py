@@ -139,7 +139,8 @@ def test_whatever_is_chosen_inside_keeps_every_limit_for_ever(level: str, habit:
 @pytest.mark.parametrize("end", [0.5, 1.0], ids=["as the model", "as MuJoCo"])
 @given(SEEDS)
 def test_pressed_against_its_limit_a_joint_comes_to_rest_there(end: float, habit: str, seed: int):
-    """Also where a plant moves by the velocity at the end of the tick, and from a little outside."""
+    """Also where a plant moves by the velocity at the end of the tick, and accelerates more or less than it is told;
+    from a little outside, and from a speed that leads there."""
     rng, n = np.random.default_rng(seed), 20
     intervals = unlimited(n, 10 ** rng.uniform(-3.0, -1.5))
     intervals.replace("position", -1.0, 1.0)
@@ -147,10 +148,11 @@ def test_pressed_against_its_limit_a_joint_comes_to_rest_there(end: float, habit
     most = np.where(rng.random(n) < 0.3, np.inf, 10 ** rng.uniform(0.5, 3.0, n))
     intervals.replace("acceleration", -most, most)
     side = 1.0 if habit == "highest" else -1.0
-    q, v = side * (1.0 + rng.choice([-1.0, 1.0], n) * 10 ** rng.uniform(-9.0, -3.0, n)), np.zeros(n)
+    q = side * (1.0 + rng.choice([-1.0, 1.0], n) * 10 ** rng.uniform(-9.0, -3.0, n))
+    v, given = side * rng.choice([0.0, 1.0], n) * 10 ** rng.uniform(-6.0, -3.0, n), rng.uniform(0.8, 1.15, n)
     for _ in range(600):
         lower, upper = bounds(intervals, "acceleration", q, v)
-        a = upper if habit == "highest" else lower
+        a = given * (upper if habit == "highest" else lower)
         q, v = q + (v + end * a * intervals.dt) * intervals.dt, v + a * intervals.dt
     assert np.abs(side * q - 1.0).max() < 1e-9
     assert np.abs(v).max() < 1e-9

@@ -45,10 +45,11 @@ class JointIntervals:
     Whether motors can give B is the matter of :class:`~wbc.stack.stopping.Stopping`. States that can keep their limits
     are those with d >= u² / 2B + u dt / 2 at the level of accelerations, d >= u² / 2B at that of velocities.
 
-    Outside (noise, a push, limits that shrank) the bounds ask for the way back and are still an interval: back inside
-    within the tick if that can be, else as fast as the velocity limit (1 where there is none), B, and braking before
-    the opposite limit allow. A bound on acceleration thus never asks for more than B. This is the recovery mode:
-    ``recovering`` is then true, and ``recovery`` says which joint is outside by how much.
+    Outside (noise, a push, limits that shrank) the bounds ask for the way back and are still an interval: u <= d / dt,
+    or as fast as the velocity limit (1 where there is none), B, and braking before the opposite limit allow. A bound on
+    acceleration thus never asks for more than B. With u <= 2 s / dt the joint would be back at the end of the tick, but
+    with its speed reversed, and in a plant that accelerates by some per cent more than it is told it swings ever wider.
+    This is the recovery mode: ``recovering`` is then true, and ``recovery`` says which joint is outside by how much.
 
     With jerk limits the interval of accelerations is narrowed to what keeps them too, from the acceleration
     commanded last, which is ``remember``-ed; see :mod:`wbc.stack.compiled.interval_kernel`. From rest an acceleration

@@ -74,14 +74,14 @@ def joint_bounds(memory: Index, nj: int, order: int, q: Vec, v: Vec, lower: Vec,
                 reach[i] = min(reach[i], max(slow, (1.0 - 0.5 * _OF_THE_WAY) * sign * v[j]))
     flags[2] = outside
     for i in range(2 * nj):
+        sign, j = (1.0, i) if i < nj else (-1.0, i - nj)
         if not outside:
             wanted[i] = min(reach[i], fastest[i])
         else:
             other = i + nj if i < nj else i - nj
             allowed = min(max(reach[i], 0.0), fastest[i])
             back = min(max(reach[other], 0.0), fastest[other], return_speed[other])
-            wanted[i] = allowed + max(min(room[i], 0.0) * (1.0 if order == 1 else 2.0) / dt, -back)
-        sign, j = (1.0, i) if i < nj else (-1.0, i - nj)
+            wanted[i] = allowed + max(min(position[i] - sign * q[j], 0.0) / dt, -back)
         towards = sign * v[j]
         if order == 2:
             free[i] = max((wanted[i] - towards) / dt, minus_B[i])
