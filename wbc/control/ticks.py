@@ -76,14 +76,11 @@ class Ticks:
             row["a"] = command.a
         if self._dynamics:
             row["tau"] = command.tau
-            for name, wrench in command.f.items():
-                row[f"f.{name}"] = wrench
-        for name, error in controller.plan.errors().items():
-            row[f"error.{name}"] = error
+            row |= {f"f.{name}": wrench for name, wrench in command.f.items()}
+        row |= {f"error.{name}": error for name, error in controller.plan.errors().items()}
         row |= self._shares() | self._active()
         far = distances(controller.plan.problem, proof.bounds)
-        for name in self._sizes:
-            row[f"distance.{name}"] = far.get(name, np.nan)
+        row |= {f"distance.{name}": far.get(name, np.nan) for name in self._sizes}
         for name, (barrier, margin) in controller.plan.margins().items():
             row[f"margin.{name}"] = margin
             if barrier.codes is not None:
