@@ -74,11 +74,10 @@ def joint_bounds(memory: Index, nj: int, order: int, q: Vec, v: Vec, lower: Vec,
                 reach[i] = min(reach[i], max(slow, (1.0 - 0.5 * _OF_THE_WAY) * sign * v[j]))
     flags[2] = outside
     for i in range(2 * nj):
-        sign, j = (1.0, i) if i < nj else (-1.0, i - nj)
+        sign, j, other = (1.0, i, i + nj) if i < nj else (-1.0, i - nj, i - nj)
         if not outside:
             wanted[i] = min(reach[i], fastest[i])
         else:
-            other = i + nj if i < nj else i - nj
             allowed = min(max(reach[i], 0.0), fastest[i])
             back = min(max(reach[other], 0.0), fastest[other], return_speed[other])
             wanted[i] = allowed + max(min(position[i] - sign * q[j], 0.0) / dt, -back)
@@ -87,7 +86,7 @@ def joint_bounds(memory: Index, nj: int, order: int, q: Vec, v: Vec, lower: Vec,
             free[i] = max((wanted[i] - towards) / dt, minus_B[i])
             bound[i] = min(free[i], strongest[i])
         elif flags[1] > 0:
-            slower = inf if isinf(strongest[j + nj if i < nj else j]) else B_dt[i]
+            slower = inf if isinf(strongest[other]) else B_dt[i]
             free[i] = max(towards - slower, wanted[i])
             # The product is rounded as B dt is: where both are the same, so are the two ends of an interval.
             bound[i] = min(free[i], towards + faster[i])
