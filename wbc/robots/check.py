@@ -487,9 +487,7 @@ def check(
     taken = device.accepted(joint_map, robot)
     checker = _Check(port, robot, device=device, joint_map=taken, hands=hands, progress=progress)
     result = checker.result
-    if not (checker.listen() and checker.frames()):
-        return result
-    if device.has_imu and not checker.turn():
+    if not (checker.listen() and checker.frames() and (not device.has_imu or checker.turn())):
         return result
     if checker.begin():
         seen = checker.move()
