@@ -75,7 +75,7 @@ CALLS: dict[str, Any] = {
     "Controller stack": lambda x: wbc.Controller(ARM, x, level=wbc.VelocityLevel()),
     "Controller.replace stack": CONTROLLER.replace,
     "reach robot": lambda x: wbc.reach(x, [Posture(ARM.q0)]),
-    "run_many plans": lambda x: wbc.run_many(x, []),
+    "run_many plans": lambda x: wbc.run_many(x, [(0.0, ARM.q0, ARM.q0)]),
     "retarget motion": lambda x: retarget(x, ARM),
     "retarget robot": lambda x: retarget(MOTION, x),
     "Witness robot": lambda x: Witness(x, {}),
