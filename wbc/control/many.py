@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import mmap
 import multiprocessing
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -16,7 +18,11 @@ from wbc import checks
 from wbc.arguments import tells_arguments
 from wbc.control.controller import Controller
 from wbc.errors import InvalidInput, WbcError
+from wbc.models.model import RobotModel
 from wbc.types import Status, Vec
+
+_STATUSES = tuple(Status)
+_CODES = {status: code for code, status in enumerate(_STATUSES)}
 
 # Pieces of work for each worker: enough to even out what takes longer.
 _SHARES = 4
@@ -86,21 +92,46 @@ def run_many(
         raise InvalidInput("plans are of robots with other joints; run those of each robot by themselves")
     workers = min(workers, len(states))
     started = perf_counter()
-    _WORK.append(_Work(controllers, states, alone))
-    size = len(states) // (workers * _SHARES) + 1
-    parts = [slice(i, i + size) for i in range(0, len(states), size)]
-    try:
-        if workers == 1:
-            shares = list(map(_ticked, parts))
-        else:
+    work = _Work(controllers, states, alone, _Columns.of(controllers[0].model, len(states)))
+    if workers == 1:
+        _tick(work, slice(None))
+    else:
+        size = len(states) // (workers * _SHARES) + 1
+        _WORK.append(work)
+        try:
             with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("fork")) as pool:
-                shares = list(pool.map(_ticked, parts))
-    except BrokenProcessPool as cause:
-        raise WbcError("a worker of run_many died; see its message, or the system's log if memory ran out") from cause
-    finally:
-        _WORK.pop()
-    a, v, tau, status, certified = map(np.concatenate, zip(*shares, strict=True))
-    return Batch(a, v, tau, tuple(status), certified, perf_counter() - started)
+                list(pool.map(_share, [slice(i, i + size) for i in range(0, len(states), size)]))
+        except BrokenProcessPool as cause:
+            raise WbcError(
+                "a worker of run_many died; see its message, or the system's log if memory ran out"
+            ) from cause
+        finally:
+            _WORK.pop()
+    a, v, tau, codes, certified = work.columns
+    status = tuple(_STATUSES[code] for code in codes.tolist())
+    return Batch(a, v, tau, status, certified, perf_counter() - started)
+
+
+@final
+class _Columns(NamedTuple):
+    """Answers of all states, in memory that forks share: each worker writes its own rows."""
+
+    a: Vec
+    v: Vec
+    tau: Vec
+    status: Any
+    certified: Any
+
+    @classmethod
+    def of(cls, model: RobotModel, n: int) -> _Columns:
+        def shared(kind: type, *shape: int) -> Any:
+            dtype = np.dtype(kind)
+            memory = mmap.mmap(-1, max(1, math.prod(shape) * dtype.itemsize))
+            return np.frombuffer(memory, dtype, math.prod(shape)).reshape(shape)
+
+        nv, nj = model.nv, model.nj
+        motion = shared(float, n, nv), shared(float, n, nv), shared(float, n, nj)
+        return cls(*motion, shared(np.int8, n), shared(np.bool_, n))
 
 
 @final
@@ -110,18 +141,23 @@ class _Work(NamedTuple):
     controllers: Sequence[Controller]
     states: Sequence[tuple[float, Any, Any]]
     alone: bool
+    columns: _Columns
 
 
 _WORK: list[_Work] = []
 
 
-def _ticked(part: slice) -> tuple[Any, ...]:
-    """a, v, tau, status and whether it is certified of each state of a part."""
-    work, rows = _WORK[-1], []
-    for controller, state in zip(work.controllers[part], work.states[part], strict=True):
+def _share(part: slice) -> None:
+    _tick(_WORK[-1], part)
+
+
+def _tick(work: _Work, part: slice) -> None:
+    a, v, tau, status, certified = work.columns
+    for k in range(*part.indices(len(work.states))):
+        controller = work.controllers[k]
         if work.alone:
             controller.reset()
-        command = controller.tick(*state)
-        certified = command.status.ok or command.certificate.ok  # what is ok is certified
-        rows.append((command.a, command.v, command.tau, command.status, certified))
-    return tuple(map(np.array, zip(*rows, strict=True)))
+        command = controller.tick(*work.states[k])
+        a[k], v[k], tau[k] = command.a, command.v, command.tau
+        status[k] = _CODES[command.status]
+        certified[k] = command.status.ok or command.certificate.ok  # what is ok is certified
