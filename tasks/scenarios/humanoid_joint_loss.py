@@ -58,7 +58,7 @@ class HumanoidJointLoss(FaultScenario):
 
     name: ClassVar[str] = "humanoid-joint-loss"
     takes = 400.0
-    summary: ClassVar[str] = "a humanoid loses a leg's motor: it falls without an answer and stands with one"
+    summary: ClassVar[str] = "a humanoid loses a leg's motor: without an answer it falls or slides away, with one it stands"
     parameters: ClassVar[Mapping[str, Parameter]] = {
         "robot": "g1", "joint": "auto", "moments": 8, "noise": False, "masses": 0.0, "seed": 0, "variants": True,
     }  # fmt: skip
@@ -78,13 +78,13 @@ class HumanoidJointLoss(FaultScenario):
     def demand(self, without: Sequence[Outcome], answered: Sequence[Outcome], p: Parameters) -> Sequence[Check]:
         rough = self.stand(p).rough
         n, spare = len(answered), 1 if len(answered) >= 8 else 0
-        lost, kept = sum(not o.stands for o in without), sum(o.stands for o in answered)
+        lost, kept = sum(not o.kept for o in without), sum(o.kept for o in answered)
         standing = [o.rms for o in answered if o.stands]
         rms, bound = max(standing, default=float("inf")), 10e-3 if rough else 2e-3
         enough = n - spare if rough else n
         return [
-            Check("without an answer it falls", float(lost), ">=", float(n - spare), f"of {n}"),
-            Check("with it, it stands", float(kept), ">=", float(enough), f"of {n}"),
+            Check("without an answer it falls or slides away", float(lost), ">=", float(n - spare), f"of {n}"),
+            Check("with it, it stands on its spot", float(kept), ">=", float(enough), f"of {n}"),
             Check("CoM error of those that stand, rms", rms, "<", bound, "m"),
             *found_in_time(answered, LATER if rough else SOON),
         ]  # fmt: skip
