@@ -58,7 +58,7 @@ class HumanoidJointLoss(FaultScenario):
 
     name: ClassVar[str] = "humanoid-joint-loss"
     takes = 400.0
-    summary: ClassVar[str] = "a humanoid loses a leg's motor: without an answer it falls or slides away, with one it stands"
+    summary: ClassVar[str] = "a humanoid loses a leg's motor: it falls or slides without an answer, and stands with one"
     parameters: ClassVar[Mapping[str, Parameter]] = {
         "robot": "g1", "joint": "auto", "moments": 8, "noise": False, "masses": 0.0, "seed": 0, "variants": True,
     }  # fmt: skip
