@@ -16,10 +16,11 @@ from typing import Any, Protocol, Self, final
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg.blas import dgemv
 
 from wbc import checks
+from wbc.compiled import Memory
 from wbc.errors import InvalidInput, UnknownFrame, UnknownJoint
+from wbc.models.compiled import whole
 from wbc.models.limits import Limits, finite_interval
 from wbc.models.views import JointMemory, Known, frozen, matrix, view
 from wbc.types import Mat, Vec
@@ -187,17 +188,18 @@ class RobotState(Known):
         self._q, self._v = self._moment[: model.nq], self._moment[model.nq :]
         self.q, self.v = view(self._q, self._q), view(self._v, self._v)
         self.q_joints, self.v_joints = self.q[model.nq - model.nj :], self.v[model.nb :]
-        self._zero, self._gravity = np.zeros(model.nv), np.concatenate([model.gravity, np.zeros(3)])
+        self._zero = np.zeros(model.nv)
         self.data = model.pinocchio.createData()
         self._needs: set[str] = set()
         self._frames: dict[str, FrameState] = {}
         self._calls: list[Callable[[], object]] = []
+        self._wholes: dict[bool, Memory] = {}
 
     @property
     def calls(self) -> tuple[str, ...]:
         """What an update computes, by the names of Pinocchio's functions: what has been read so far needs it.
 
-        Beside them "gravity" completes h, and "accelerations" takes those at a = 0 from what nonLinearEffects found.
+        Beside them "complete" is :func:`wbc.models.compiled.whole.complete`.
         """
         return tuple(name for name, _ in self._plan())
 
@@ -325,15 +327,27 @@ class RobotState(Known):
     @cached_property
     def _weightless(self) -> Any:
         """The robot without gravity. What holds it at a = 0 gives C v, by the accelerations that are the drifts: one
-        pass for both. Gravity is then added by the map of the linear momentum, h = C v − A_Gᵀ [γ, 0]."""
+        pass for both. Gravity is then added by the map of the linear momentum."""
         model = self.model.pinocchio.copy()
         model.gravity = pin.Motion.Zero()
         return model
 
-    @cached_property
-    def _add_gravity(self) -> Callable[[], object]:
-        momentum_map = self.data.Ag.reshape(6, -1)
-        return partial(dgemv, -1.0, momentum_map, self._gravity, 1.0, self.data.nle, 0, 1, 0, 1, 1, 1)
+    def _whole(self, has_h: bool) -> Memory:
+        """The memory of :func:`wbc.models.compiled.whole.complete`, after nonLinearEffects or without it."""
+        if has_h in self._wholes:
+            return self._wholes[has_h]
+        model, data, nv = self.model.pinocchio, self.data, self.model.nv
+        joints = range(model.njoints) if has_h else range(0)
+        roots = [i for i in joints[1:] if model.parents[i] == 0]
+        accelerations = Memory(*(motion[i].np for i in joints for motion in (data.a_gf, data.a)))
+        forces = Memory(*(place for i in roots for place in (data.oMi[i].rotation, data.f[i].np)))
+        self._wholes[has_h] = Memory(*whole.LAYOUT.arrays(
+            np.array([nv, nv * has_h, len(joints), len(roots)]), momentum_map=view(data.Ag, data, 6, nv).T,
+            com_jacobian=view(data.Jcom, data, 3, nv).T, com_drift=data.acom[0], h=data.nle[: nv * has_h],
+            numbers=np.array([pin.computeTotalMass(model), *self.model.gravity]), joints=accelerations.addresses,
+            roots=forces.addresses,
+        ))  # fmt: skip
+        return self._wholes[has_h]
 
     def _carrier(self, frame: str) -> tuple[int, Any]:
         """The joint that carries a frame, placed from now on, and where the frame is in it."""
@@ -347,7 +361,7 @@ class RobotState(Known):
         """Compute one thing more, now and in every later update.
 
         All calls run again, in their fixed order: functions share memory (several write the centre of mass), and so
-        the bits that a state gives do not depend on the order in which it is read.
+        the bits that a state gives depend on what is read from it, and not on the order.
         """
         self._needs.add(need)
         self._calls = [call for _, call in self._plan()]
@@ -363,30 +377,28 @@ class RobotState(Known):
         def add(name: str, *arguments: object, of: Any = model) -> None:
             plan.append((name, partial(getattr(pin, name), of, data, *arguments)))
 
-        placed = with_jacobians = False
+        has_inertia, has_h = bool({"M", "h"} & needs), "h" in needs
+        placed = has_inertia
         if "coriolis" in needs:
             add("computeCoriolisMatrix", q, v)
-        if "centroidal_map" in needs:
+        if has_inertia:
+            add("crba", q, pin.Convention.WORLD)  # placements, joint Jacobians, the centre of mass and A_G come with it
+        elif "centroidal_map" in needs:
             add("ccrba", q, v)
-        if {"M", "h"} & needs:
-            add("crba", q, pin.Convention.WORLD)  # placements, joint Jacobians and A_G come with it
-            placed = with_jacobians = True
-        if "h" in needs:
+        if has_h:
             add("nonLinearEffects", q, v, of=self._weightless)
-            plan.append(("gravity", self._add_gravity))
-        if {"drift", "com_drift", "centroidal_drift"} & needs:
-            if "h" in needs:
-                plan.append(("accelerations", partial(setattr, data, "a", data.a_gf)))
-            else:
-                add("forwardKinematics", q, v, zero)
+        elif {"drift", "com_drift", "centroidal_drift"} & needs:
+            add("forwardKinematics", q, v, zero)
             placed = True
-        if "com_drift" in needs:
+        if "com_drift" in needs and not has_h:
             add("centerOfMass", pin.KinematicLevel.ACCELERATION, False)
+        if has_h or (has_inertia and "com" in needs):
+            plan.append(("complete", partial(whole.complete, self._whole(has_h).address)))
         if "centroidal_drift" in needs:
             add("computeCentroidalMomentumTimeVariation")
-        if "com" in needs:
+        if not has_inertia and "com" in needs:
             add("jacobianCenterOfMass", *(() if placed else (q,)), False)
-        elif "kinematics" in needs and not with_jacobians:
+        elif not has_inertia and "kinematics" in needs:
             add("computeJointJacobians", *(() if placed else (q,)))
         if "g" in needs:
             add("computeGeneralizedGravity", q)
