@@ -15,7 +15,8 @@ from wbc.compiled import callee
 #: Modules of kernels, or that import them: for each process those that need no large kernel of the other.
 MODULES = (
     ("wbc.qp.lexicographic.levels", "wbc.qp.rows.core", "wbc.stack.plan"),
-    ("wbc.control.measured", "wbc.robots.estimator", "wbc.models.near_pairs", "wbc.stack.follower",
+    ("wbc.control.measured", "wbc.robots.estimator", "wbc.models.compiled.whole", "wbc.models.near_pairs",
+     "wbc.stack.follower",
      *(f"wbc.stack.compiled.{rows}_kernel" for rows in (
          "direction", "force", "frame", "joint", "limit", "motion", "relative", "wheel"))),
 )  # fmt: skip

@@ -11,19 +11,20 @@ import copy
 from collections.abc import Callable, Mapping
 from functools import cached_property, partial
 from types import SimpleNamespace
-from typing import Any, Protocol, Self, final
+from typing import TYPE_CHECKING, Any, Protocol, Self, final
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from wbc import checks
-from wbc.compiled import Memory
 from wbc.errors import InvalidInput, UnknownFrame, UnknownJoint
-from wbc.models.compiled import whole
 from wbc.models.limits import Limits, finite_interval
 from wbc.models.views import JointMemory, Known, frozen, matrix, view
 from wbc.types import Mat, Vec
+
+if TYPE_CHECKING:
+    from wbc.compiled import Memory
 
 _LOCAL, _WORLD_AXES = pin.ReferenceFrame.LOCAL, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
@@ -332,23 +333,6 @@ class RobotState(Known):
         model.gravity = pin.Motion.Zero()
         return model
 
-    def _whole(self, has_h: bool) -> Memory:
-        """The memory of :func:`wbc.models.compiled.whole.complete`, after nonLinearEffects or without it."""
-        if has_h in self._wholes:
-            return self._wholes[has_h]
-        model, data, nv = self.model.pinocchio, self.data, self.model.nv
-        joints = range(model.njoints) if has_h else range(0)
-        roots = [i for i in joints[1:] if model.parents[i] == 0]
-        accelerations = Memory(*(motion[i].np for i in joints for motion in (data.a_gf, data.a)))
-        forces = Memory(*(place for i in roots for place in (data.oMi[i].rotation, data.f[i].np)))
-        self._wholes[has_h] = Memory(*whole.LAYOUT.arrays(
-            np.array([nv, nv * has_h, len(joints), len(roots)]), momentum_map=view(data.Ag, data, 6, nv).T,
-            com_jacobian=view(data.Jcom, data, 3, nv).T, com_drift=data.acom[0], h=data.nle[: nv * has_h],
-            numbers=np.array([pin.computeTotalMass(model), *self.model.gravity]), joints=accelerations.addresses,
-            roots=forces.addresses,
-        ))  # fmt: skip
-        return self._wholes[has_h]
-
     def _carrier(self, frame: str) -> tuple[int, Any]:
         """The joint that carries a frame, placed from now on, and where the frame is in it."""
         self.model.check_frame(frame)
@@ -393,7 +377,10 @@ class RobotState(Known):
         if "com_drift" in needs and not has_h:
             add("centerOfMass", pin.KinematicLevel.ACCELERATION, False)
         if has_h or (has_inertia and "com" in needs):
-            plan.append(("complete", partial(whole.complete, self._whole(has_h).address)))
+            from wbc.models.compiled import whole  # numba is slow to import
+
+            memory = self._wholes.setdefault(has_h, whole.memory(model, data, has_h=has_h))
+            plan.append(("complete", partial(whole.complete, memory.address)))
         if "centroidal_drift" in needs:
             add("computeCentroidalMomentumTimeVariation")
         if not has_inertia and "com" in needs:

@@ -7,9 +7,12 @@ are the rate of the linear momentum.
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
-from wbc.compiled import Layout, carray, copy, entry, floats
+import numpy as np
+
+from wbc.compiled import Layout, Memory, carray, copy, entry, floats
+from wbc.models.views import view
 from wbc.types import Index, Mat, Vec
 
 
@@ -28,6 +31,20 @@ class Whole(NamedTuple):
 
 LAYOUT = Layout(Whole, nv="sizes[0]", n_h="sizes[1]", n_joints="sizes[2]", n_roots="sizes[3]")
 views = LAYOUT.views
+
+
+def memory(model: Any, data: Any, *, has_h: bool) -> Memory:
+    """What :func:`complete` reads and writes of a ``pinocchio.Data``, after ``nonLinearEffects`` or without it."""
+    nv, joints = model.nv, range(model.njoints) if has_h else range(0)
+    roots = [i for i in joints[1:] if model.parents[i] == 0]
+    accelerations = Memory(*(motion[i].np for i in joints for motion in (data.a_gf, data.a)))
+    forces = Memory(*(place for i in roots for place in (data.oMi[i].rotation, data.f[i].np)))
+    mass = sum(inertia.mass for inertia in model.inertias[1:])
+    return Memory(*LAYOUT.arrays(
+        np.array([nv, nv * has_h, len(joints), len(roots)]), momentum_map=view(data.Ag, data, 6, nv).T,
+        com_jacobian=view(data.Jcom, data, 3, nv).T, com_drift=data.acom[0], h=data.nle[: nv * has_h],
+        numbers=np.array([mass, *model.gravity.linear]), joints=accelerations.addresses, roots=forces.addresses,
+    ))  # fmt: skip
 
 
 @entry
