@@ -45,7 +45,7 @@ class FilledRows:
 class TaskRows(FilledRows):
     """Where a kinematic task, or a contact, writes: views into the plan's own memory, ``dim`` rows.
 
-    e (dim,)          error, target − actual; of a pose ``linear`` is e[:3] and ``angular`` e[3:]
+    e (dim,)          error, target − actual
     J (dim, nv)       Jacobian of the actual value
     drift (dim,)      J̇ v; read at the acceleration level only
     rate_ref (dim,)   velocity of the target, zero unless written
@@ -55,21 +55,11 @@ class TaskRows(FilledRows):
     ``out.e[:] = …`` and ``out.e = …`` both write into the array.
     """
 
-    __slots__ = ("J", "_e", "acc_ref", "angular", "drift", "ed", "linear", "rate_ref")
+    __slots__ = ("J", "acc_ref", "drift", "e", "ed", "rate_ref")
 
+    e: Vec
     J: Mat
-    linear: Vec
-    angular: Vec
-    ed: Vec
     drift: Vec
     rate_ref: Vec
     acc_ref: Vec
-
-    @property
-    def e(self) -> Vec:
-        """The error."""
-        return self._e
-
-    @e.setter
-    def e(self, e: Vec) -> None:
-        self._e, self.linear, self.angular = e, e[:3], e[3:]
+    ed: Vec
