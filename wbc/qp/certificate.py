@@ -74,8 +74,7 @@ class Certificate(NamedTuple):
     ``primal`` is the largest violation [unit of the worst row], ``dual`` and ``gap`` the stationarity and
     complementarity residuals [unit of the cost] with the scales they are compared to. ``bounds`` says for each task
     how far it can be from its optimum [unit of the task], ``distance`` is the largest of these relative to
-    1 + |target|, and ``slope`` the relative slope along variables without curvature. ``worst_row`` is the index in
-    ``qp.rows`` of the row that is violated most, −1 when none is.
+    1 + |target|, and ``slope`` the relative slope along variables without curvature.
     """
 
     primal: float
@@ -83,7 +82,6 @@ class Certificate(NamedTuple):
     gap: float
     scale_dual: float = 1.0
     scale_gap: float = 1.0
-    worst_row: int = -1
     distance: float = 0.0
     slope: float = 0.0
     bounds: Mapping[str, float] = _NONE
@@ -160,14 +158,13 @@ def certificate(qp: QP, x: Vec, y: Vec, z: Vec, z_box: Vec, *, tolerance: float 
     m = len(qp.lower)
     values = np.concatenate([qp.matrix.dot(x), x])
     over, under = values - qp.sides[1], qp.sides[0] - values
-    violation = np.maximum(over, under)
-    worst = int(violation.argmax())
+    violation = float(np.maximum(over, under).max())
     room = -np.where(force > 0.0, over, np.where(force < 0.0, under, np.inf))  # to the bound that is pushed on
     held = room <= tolerance
     pushing = force != 0.0
     stray = pushing & np.isinf(room)
     met = pushing & ~stray
-    primal = max(float(violation[worst]), float(room[held].max(initial=0.0)), 0.0)
+    primal = max(violation, float(room[held].max(initial=0.0)), 0.0)
 
     curvature = qp.H.dot(x)
     push = force[:m].dot(qp.matrix)
@@ -192,7 +189,6 @@ def certificate(qp: QP, x: Vec, y: Vec, z: Vec, z_box: Vec, *, tolerance: float 
         float(np.abs(force[met] * room[met]).sum()),
         _largest(asked),
         float(asked.dot(size) + np.abs(force[met]).dot(1.0 + np.abs(values[met]))),
-        worst if violation[worst] > 0.0 else -1,
         distance,
         cost.slope(
             np.column_stack([curvature, qp.g, kept_push, kept[m:]]),

@@ -202,10 +202,10 @@ class Report:
         """The worst number of each kind among the levels that were decided, and the bounds of all tasks."""
         primal, distance = self._numbers.item(0), self._numbers.item(1)
         if self._proof is None:
-            return Certificate(primal, 0.0, 0.0, 1.0, 1.0, -1, distance, 0.0, Bounds(self._bounds))
-        worst, dual, gap, scale_dual, scale_gap, _, far, slope, _ = self._proof()
+            return Certificate(primal, 0.0, 0.0, 1.0, 1.0, distance, 0.0, Bounds(self._bounds))
+        worst, dual, gap, scale_dual, scale_gap, far, slope, _ = self._proof()
         primal, distance = max(worst, primal), max(far, distance)
-        return Certificate(primal, dual, gap, scale_dual, scale_gap, -1, distance, slope, Bounds(self._bounds))
+        return Certificate(primal, dual, gap, scale_dual, scale_gap, distance, slope, Bounds(self._bounds))
 
     def _bounds(self) -> Mapping[str, float]:
         """The bounds of the tasks of all levels, the lowest level's where one is in several."""

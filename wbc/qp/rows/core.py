@@ -154,7 +154,7 @@ def _proven(written: bytes, owners: Mapping[str, list[int]]) -> Certificate:
     def bounds() -> Mapping[str, float]:
         return {name: spread * float(reach[rows].max(initial=0.0)) for name, rows in owners.items()}
 
-    return Certificate(primal, dual, gap, scale_dual, scale_gap, -1, distance, 0.0, Bounds(bounds))
+    return Certificate(primal, dual, gap, scale_dual, scale_gap, distance, 0.0, Bounds(bounds))
 
 
 def _owners_of(p: RowProblem) -> dict[str, list[int]]:
