@@ -29,5 +29,11 @@ def test_import_wbc_loads_no_robot_library():
     assert modules_after("import wbc") & ROBOTS == set()
 
 
+def test_who_ranks_nothing_waits_for_no_kernel_of_levels():
+    found = modules_after("import wbc.control.controller, wbc.stack.hierarchy")
+    assert "wbc.qp.rows.compiled.linear" in found
+    assert not [name for name in found if name.startswith("wbc.qp.lexicographic.compiled")]
+
+
 def test_a_heavy_import_would_be_seen():
     assert "rich" in modules_after("import wbc, rich")

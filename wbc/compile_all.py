@@ -14,7 +14,7 @@ from wbc.compiled import callee
 
 #: Modules of kernels, or that import them: for each process those that need no large kernel of the other.
 MODULES = (
-    ("wbc.qp.lexicographic.levels", "wbc.qp.rows.core", "wbc.stack.plan"),
+    ("wbc.qp.lexicographic.solver", "wbc.qp.rows.core", "wbc.stack.plan"),
     ("wbc.control.measured", "wbc.robots.estimator", "wbc.models.compiled.whole", "wbc.models.near_pairs",
      "wbc.stack.follower",
      *(f"wbc.stack.compiled.{rows}_kernel" for rows in (

@@ -12,7 +12,7 @@ from wbc.control.recovery import WEAKER
 from wbc.control.solving import Solving
 from wbc.errors import InvalidProblem
 from wbc.qp.conflict import Conflict, conflict
-from wbc.qp.lexicographic.stages import GIVEN_UP
+from wbc.qp.lexicographic.parts import GIVEN_UP
 from wbc.qp.problem import QP
 from wbc.tolerances import MET
 from wbc.types import Status

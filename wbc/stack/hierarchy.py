@@ -9,7 +9,7 @@ from typing import NamedTuple, final
 
 from wbc import checks
 from wbc.arguments import TellsArguments
-from wbc.qp.lexicographic import LexicographicSolver, Part, Pull, Stage
+from wbc.qp.lexicographic import Part, Pull, Stage
 from wbc.qp.rows import RowProblem, RowSolver, RowTask, open_rows
 from wbc.qp.solver import Solver
 
@@ -54,6 +54,9 @@ class Hierarchy(metaclass=TellsArguments):
         weighted = open_rows(problem, solver)
         if len(stages) < 2:
             return weighted
+        # Who ranks nothing need not wait for the kernels.
+        from wbc.qp.lexicographic.solver import LexicographicSolver
+
         most = 2 * len(stages) + 1 if self.budget is None else self.budget
         return LexicographicSolver(problem, stages, budget=most, leave=weighted, pulls=pulls(ranks) if pulls else ())
 

@@ -17,9 +17,8 @@ from wbc.qp.lexicographic.compiled.rank import decide, prove
 from wbc.qp.lexicographic.compiled.space import Size
 from wbc.qp.lexicographic.compiled.stage import conclude, fill
 from wbc.qp.lexicographic.function import _level, _row_problem
-from wbc.qp.lexicographic.levels import Levels, Report
-from wbc.qp.lexicographic.solver import LexicographicSolver
-from wbc.qp.lexicographic.stages import Stage, StagedProblem
+from wbc.qp.lexicographic.parts import Stage
+from wbc.qp.lexicographic.solver import LexicographicSolver, Report
 from wbc.qp.rows import RowProblem
 from wbc.qp.rows.compiled.work import SOLVED
 from wbc.types import Status
@@ -34,25 +33,24 @@ def rows_of(levels: Any, lb: Any, ub: Any) -> tuple[RowProblem, list[Stage]]:
     return rows, [*stages, []]
 
 
-def first_level(family, index: int) -> Levels:
+def first_level(family, index: int) -> LexicographicSolver:
     """The first level of a drawn hierarchy, decided by itself."""
     drawn = problem(family, 77, index)
-    staged = StagedProblem(*rows_of(drawn.levels, drawn.lb, drawn.ub))
-    levels = Levels(staged)
-    fill(staged.address)
+    levels = LexicographicSolver(*rows_of(drawn.levels, drawn.lb, drawn.ub), budget=40)
+    fill(levels.staged.address)
     assert decide(levels._ranking.address, 0, True) == SOLVED
     return levels
 
 
-def certificate(levels: Levels) -> Certificate:
+def certificate(levels: LexicographicSolver) -> Certificate:
     """The certificate of the first level at the y in memory; once, as it takes the memory of what decided the level."""
     prove(levels._ranking.address, 0)
     return Report(levels.staged, levels._report.copy(), None)()[0].certificate
 
 
-def residual(levels: Levels) -> np.ndarray:
+def residual(levels: LexicographicSolver) -> np.ndarray:
     """What the rows of the first level come to at the y in memory."""
-    p = levels.problem
+    p = levels.staged.problem
     return p.G[levels.staged.rows[0]] @ p.x1
 
 
@@ -65,7 +63,7 @@ def test_an_answer_is_no_farther_from_the_least_than_its_certificate_says(family
         assert certificate(levels).ok
         for size in (1e-5, 1e-2):
             levels = first_level(family, index)
-            p, rows = levels.problem, levels.staged.rows[0]
+            p, rows = levels.staged.problem, levels.staged.rows[0]
             p.x[p.n_u :] += size * np.random.default_rng(index).normal(size=p.n_y)
             p.value[p.item(rows.start) : p.item(rows.stop)] = residual(levels)
             bounds = certificate(levels).bounds
@@ -80,13 +78,13 @@ def test_what_lower_levels_move_of_a_level_counts_in_its_certificate() -> None:
     for seed in range(20):
         solver = LexicographicSolver(*rows_of(*random_hierarchy(seed)), budget=40)
         assert solver.solve() in (Status.SOLVED, Status.INACCURATE)
-        staged, levels = solver.staged, solver.levels
-        p, rng = levels.problem, np.random.default_rng(seed)
-        before, moved = levels.report()(), 1e-3 * rng.normal(size=p.n_rows)
+        staged = solver.staged
+        p, rng = staged.problem, np.random.default_rng(seed)
+        before, moved = Report(staged, solver._report.copy(), None)(), 1e-3 * rng.normal(size=p.n_rows)
         p.value[p.item(0) : p.item(p.n_rows)] += moved
         conclude(staged.address)
-        for k in range(levels.began, levels.ended):
-            bounds = levels.report()()[k].certificate.bounds
+        for k in range(solver.began, solver.ended):
+            bounds = Report(staged, solver._report.copy(), None)()[k].certificate.bounds
             for name, place in staged.parts[k].items():
                 most = np.abs(moved[staged.rows[k]][place]).max(initial=0.0)
                 assert bounds[name] >= most + before[k].certificate.bounds[name] * (1.0 - 1e-9) > 0.0
@@ -99,10 +97,10 @@ def test_every_level_that_is_decided_counts_once_and_takes_a_step_at_least() -> 
     ways = Counts()
     for seed in range(60):
         solver = LexicographicSolver(*rows_of(*random_hierarchy(seed)), budget=40)
-        counts, levels, before = solver.counts, solver.levels, 0
+        counts, before = solver.counts, 0
         for _ in range(3):
             assert solver.solve() in (Status.SOLVED, Status.INACCURATE)
-            assert levels.ended - levels.began < counts.total - before <= solver.iterations
+            assert solver.ended - solver.began < counts.total - before <= solver.iterations
             before = counts.total
         ways = Counts(ways.first + counts.first, ways.repaired + counts.repaired, ways.fallback + counts.fallback)
     assert min(ways.first, ways.repaired, ways.fallback) > 0
@@ -138,8 +136,8 @@ def test_a_posture_that_is_not_at_its_optimum_is_not_certified(weight: float) ->
     stack = wbc.Stack([crossed, [Posture(robot.q0 + 0.3, weight=weight)]])
     controller = wbc.Controller(robot, stack, level=wbc.VelocityLevel(lm_damping=0.0), hierarchy=wbc.Strict())
     assert controller.tick(0.0, robot.q0, np.zeros(robot.nv)).certificate.ok
-    levels = controller.answering.levels
-    p, address = levels.problem, levels._ranking.address
+    levels = controller.answering
+    p, address = levels.staged.problem, levels._ranking.address
     above = p.G[levels.staged.rows[0], : p.n]
     free = np.linalg.svd(above)[2][np.linalg.matrix_rank(above, tol=1e-9) :].T
     optimum = p.x.copy()
@@ -165,7 +163,7 @@ def test_a_push_on_a_bound_that_is_not_met_is_no_proof() -> None:
     found = 0
     for index in range(60):
         levels = first_level(FAMILIES[0], index)
-        p, held = levels.problem, levels._places[levels._push > 1e-3]
+        p, held = levels.staged.problem, levels._places[levels._push > 1e-3]
         if len(held):
             p.upper[held] += 1.0
             assert not certificate(levels).ok

@@ -4,6 +4,5 @@ from __future__ import annotations
 
 from wbc.qp.lexicographic.function import lexicographic
 from wbc.qp.lexicographic.parts import Part, Pull, Stage
-from wbc.qp.lexicographic.solver import LexicographicSolver
 
-__all__ = ["LexicographicSolver", "Part", "Pull", "Stage", "lexicographic"]
+__all__ = ["Part", "Pull", "Stage", "lexicographic"]

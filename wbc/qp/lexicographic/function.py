@@ -15,7 +15,6 @@ from wbc.arguments import tells_arguments
 from wbc.errors import InvalidProblem
 from wbc.qp.certificate import Certificate, certificate
 from wbc.qp.lexicographic.parts import Part, Stage
-from wbc.qp.lexicographic.solver import LexicographicSolver
 from wbc.qp.problem import QP, Row, Shape
 from wbc.qp.rows import RowProblem, RowTask
 from wbc.qp.solver import Answer, Solution, Solver
@@ -103,6 +102,8 @@ def _level(i: int, A: Any, lo: Any, hi: Any) -> tuple[Mat, Vec, Vec]:
 
 
 def _solve(levels: list[tuple[Mat, Vec, Vec]], low: Vec, high: Vec) -> Solution:
+    from wbc.qp.lexicographic.solver import LexicographicSolver  # compiled code: loaded where levels are decided
+
     A, lo, hi = (np.concatenate([level[i] for level in levels]) for i in range(3))
     ends, n = np.cumsum([0] + [len(level[1]) for level in levels]), len(low)
     equal = lo == hi

@@ -9,6 +9,9 @@ from typing import Literal, NamedTuple, final
 from wbc.qp.rows import RowTask
 from wbc.types import Vec
 
+#: What the share that is given up of a task is called as a bound.
+GIVEN_UP = "given up"
+
 
 @final
 @dataclass(frozen=True, eq=False)

@@ -26,13 +26,10 @@ import numpy as np
 
 from wbc.compiled import Memory
 from wbc.qp.lexicographic.compiled.stage import FIRST, HOPE, LAYOUT
-from wbc.qp.lexicographic.parts import Part, Stage
+from wbc.qp.lexicographic.parts import GIVEN_UP, Part, Stage
 from wbc.qp.problem import Row
 from wbc.qp.rows import RowProblem, RowTask
 from wbc.types import Vec
-
-#: What σ is called as a bound.
-GIVEN_UP = "given up"
 
 
 @final
