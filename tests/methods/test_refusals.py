@@ -72,7 +72,7 @@ def test_names_of_forms_and_numbers_of_components_are_checked_too():
     residual.reset(np.zeros(2))
     calls: tuple[Callable[[Any], object], ...] = (
         torque.closed_form, lambda form: torque.solve(form=form), residual.restart,
-        methods.ParameterUpdate.partial_sums, methods.PseudoInertia.metric,
+        methods.PseudoInertia.metric,
     )  # fmt: skip
     for call in calls:
         for junk in ("a", None, [], 1j, np.nan, -1):

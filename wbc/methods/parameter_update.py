@@ -34,9 +34,6 @@ from wbc.qp.solver import Solver
 from wbc.tolerances import ROUNDING, SHARP
 from wbc.types import Flags, Mat, Vec
 
-#: The most masses of a chain.
-LARGEST_SET = 10_000
-
 
 @final
 @dataclass(frozen=True, eq=False)
@@ -109,24 +106,6 @@ class ParameterUpdate(Method):
             lower=low, upper=high, C=C, d=np.zeros(0) if d is None else checks.array("d", d, (len(C),)),
         )  # fmt: skip
         self._refuse_outside()
-
-    @staticmethod
-    def partial_sums(size: int) -> tuple[Mat, Vec]:
-        """C and d that say a₁ ≥ a₂ ≥ … ≥ a_p ≥ 0: partial sums a_i = m_i + … + m_p of masses that are not negative.
-
-        These are the dynamic coefficients of a chain of prismatic joints, kg; the gradient law alone leaves the set.
-
-        Raises:
-            InvalidInput: not a whole number, negative, or too large.
-
-        Example:
-            >>> C, d = ParameterUpdate.partial_sums(3)
-            >>> print(C @ [6.0, 3.0, 1.0] <= d)
-            [ True  True  True]
-        """
-        if not isinstance(size, int | np.integer) or isinstance(size, bool) or not 0 <= size <= LARGEST_SET:
-            raise InvalidInput(f"size is {size!r}; it must be a whole number between 0 and {LARGEST_SET}")
-        return np.eye(size, k=1) - np.eye(size), np.zeros(size)
 
     # ---- the set
     def _lengths(self) -> tuple[Vec, Vec]:
