@@ -136,8 +136,8 @@ def _verdict(qp: QP, claimed: Status, proof: Certificate, tolerance: float) -> t
 class Solver(Frozen, metaclass=TellsArguments):
     """Frozen settings of a QP solver; ``open(shape)`` gives a session with memory.
 
-    ``name`` is what users type, ``requires`` the modules it needs (looked up, not imported),
-    ``package`` what to install. ``tolerance`` is the certificate without which no answer is SOLVED;
+    ``name`` is what users type, ``requires`` the modules it needs (looked up, not imported).
+    ``tolerance`` is the certificate without which no answer is SOLVED;
     ``semidefinite`` says whether H may be singular (a linear program, a task without posture),
     ``repeatable`` whether fresh sessions give the same bits, and ``offline`` is true for a solver that is
     not shown to keep limits to 1e-6 at 1 kHz and so is refused by a controller. ``takes_rows`` is true for the one that
@@ -147,7 +147,6 @@ class Solver(Frozen, metaclass=TellsArguments):
 
     name: str
     requires: tuple[str, ...] = ()
-    package: str = ""
     tolerance: float = TOLERANCE
     semidefinite: bool = True
     repeatable: bool = True
@@ -163,6 +162,11 @@ class Solver(Frozen, metaclass=TellsArguments):
         for name, kind in get_annotations(type(self)).items():
             if kind == "int":
                 checks.number(name, getattr(self, name), low=1)
+
+    @property
+    def package(self) -> str:
+        """What to install."""
+        return " ".join(self.requires)
 
     def open(self, shape: Shape) -> Session:
         """A session for QPs of this shape.

@@ -75,7 +75,6 @@ class Clarabel(Solver):
 
     name = "clarabel"
     requires = ("clarabel",)
-    package = "clarabel"
     session = ClarabelSession
     accuracies = ("tol",)
 

@@ -94,7 +94,6 @@ class Daqp(Solver):
 
     name = "daqp"
     requires = ("daqp",)
-    package = "daqp"
     session = DaqpSession
     accuracies = ("primal_tol", "eta_prox")
 

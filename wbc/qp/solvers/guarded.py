@@ -84,7 +84,7 @@ class Guarded(Solver):
 
     def __post_init__(self) -> None:
         checks.number("seconds", self.seconds, low=0.0, strict=True)
-        same = ("requires", "package", "tolerance", "semidefinite", "repeatable", "offline")
+        same = ("requires", "tolerance", "semidefinite", "repeatable", "offline")
         self._set(name=f"guarded {self.solver.name}", **{name: getattr(self.solver, name) for name in same})
 
 

@@ -82,7 +82,6 @@ class Osqp(Solver):
 
     name = "osqp"
     requires = ("osqp",)
-    package = "osqp"
     session = OsqpSession
     accuracies = ("eps_abs",)
 

@@ -72,7 +72,6 @@ class Piqp(Solver):
 
     name = "piqp"
     requires = ("piqp",)
-    package = "piqp"
     session = PiqpSession
     accuracies = ("eps_abs",)
 

@@ -78,7 +78,6 @@ class ProxQp(Solver):
 
     name = "proxqp"
     requires = ("proxsuite",)
-    package = "proxsuite"
     repeatable = False  # its sums depend on where its memory lies
     session = ProxQpSession
     accuracies = ("eps_abs",)

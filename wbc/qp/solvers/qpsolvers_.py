@@ -23,40 +23,38 @@ from wbc.types import Status, Vec
 
 
 class Backend(NamedTuple):
-    """Module that must be there, package that brings it, which of its settings are tolerances, and the others."""
+    """Modules that must be there, by the names of their packages; which settings are tolerances, and the others."""
 
-    module: str
-    package: str
+    modules: str
     tolerances: tuple[str, ...] = ()
     others: Mapping[str, Any] = MappingProxyType({})
 
 
 BACKENDS = {
-    "copt": Backend("coptpy", "coptpy", ("FeasTol", "DualTol")),
-    "cvxopt": Backend("cvxopt", "cvxopt", ("abstol", "reltol", "feastol")),
-    "ecos": Backend("ecos", "ecos", ("abstol", "reltol", "feastol")),
-    "gurobi": Backend("gurobipy", "gurobipy", ("FeasibilityTol", "OptimalityTol")),
+    "copt": Backend("coptpy", ("FeasTol", "DualTol")),
+    "cvxopt": Backend("cvxopt", ("abstol", "reltol", "feastol")),
+    "ecos": Backend("ecos", ("abstol", "reltol", "feastol")),
+    "gurobi": Backend("gurobipy", ("FeasibilityTol", "OptimalityTol")),
     "highs": Backend(
-        "highspy",
         "highspy",
         ("primal_feasibility_tolerance", "dual_feasibility_tolerance"),
         # Its own regularisation, 1e-7, shows in the multipliers; without a limit it cycles for ever on some problems.
         {"qp_regularization_value": ACCURACY / 10, "qp_iteration_limit": 10_000},
     ),
-    "hpipm": Backend("hpipm_python", "hpipm_python"),
-    "jaxopt_osqp": Backend("jaxopt", "jaxopt", ("tol",)),
-    "kvxopt": Backend("kvxopt", "kvxopt", ("abstol", "reltol", "feastol")),
-    "mosek": Backend("mosek", "mosek cvxopt"),
-    "nppro": Backend("nppro", "nppro"),
-    "pdhcg": Backend("pdhcg", "pdhcg", ("OptimalityTol", "FeasibilityTol")),
-    "pyqpmad": Backend("pyqpmad", "pyqpmad"),
-    "qpalm": Backend("qpalm", "qpalm", ("eps_abs",), {"eps_rel": 0.0}),
-    "qpax": Backend("qpax", "qpax"),
-    "qpoases": Backend("qpoases", "qpoases"),
-    "qpswift": Backend("qpSWIFT", "qpSWIFT"),
-    "qtqp": Backend("qtqp", "qtqp", ("atol",), {"rtol": 0.0}),
-    "scs": Backend("scs", "scs", ("eps_abs",), {"eps_rel": 0.0, "max_iters": 20_000}),
-    "sip": Backend("sip_qp_python", "sip-qp-python"),
+    "hpipm": Backend("hpipm_python"),
+    "jaxopt_osqp": Backend("jaxopt", ("tol",)),
+    "kvxopt": Backend("kvxopt", ("abstol", "reltol", "feastol")),
+    "mosek": Backend("mosek cvxopt"),
+    "nppro": Backend("nppro"),
+    "pdhcg": Backend("pdhcg", ("OptimalityTol", "FeasibilityTol")),
+    "pyqpmad": Backend("pyqpmad"),
+    "qpalm": Backend("qpalm", ("eps_abs",), {"eps_rel": 0.0}),
+    "qpax": Backend("qpax"),
+    "qpoases": Backend("qpoases"),
+    "qpswift": Backend("qpSWIFT"),
+    "qtqp": Backend("qtqp", ("atol",), {"rtol": 0.0}),
+    "scs": Backend("scs", ("eps_abs",), {"eps_rel": 0.0, "max_iters": 20_000}),
+    "sip": Backend("sip_qp_python"),
 }
 
 
@@ -119,8 +117,7 @@ class QpSolvers(Solver):
         super().__post_init__()
         if self.name not in BACKENDS:
             raise UnknownSolver(self.name, BACKENDS)
-        backend = BACKENDS[self.name]
-        self._set(requires=("qpsolvers", backend.module), package=f"qpsolvers {backend.package}")
+        self._set(requires=("qpsolvers", *BACKENDS[self.name].modules.split()))
 
     @property
     def settings(self) -> dict[str, Any]:

@@ -50,6 +50,5 @@ class Quadprog(Solver):
 
     name = "quadprog"
     requires = ("quadprog",)
-    package = "quadprog"
     semidefinite = False
     session = QuadprogSession
