@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import math
 import mmap
 import multiprocessing
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any, NamedTuple, final
+from typing import Any, final
 
 import numpy as np
 
@@ -18,7 +17,6 @@ from wbc import checks
 from wbc.arguments import tells_arguments
 from wbc.control.controller import Controller
 from wbc.errors import InvalidInput, WbcError
-from wbc.models.model import RobotModel
 from wbc.types import Status, Vec
 
 _STATUSES = tuple(Status)
@@ -90,14 +88,25 @@ def run_many(
         raise InvalidInput(f"there are {len(controllers)} controllers for {len(states)} states; give one, or one each")
     if len({(one.model.nv, one.model.joint_names) for one in controllers}) > 1:
         raise InvalidInput("plans are of robots with other joints; run those of each robot by themselves")
-    workers = min(workers, len(states))
+    workers, model = min(workers, len(states)), controllers[0].model
     started = perf_counter()
-    work = _Work(controllers, states, alone, _Columns.of(controllers[0].model, len(states)))
+    columns: list[Any] = [("a", float, (model.nv,)), ("v", float, (model.nv,)), ("tau", float, (model.nj,))]
+    kind = np.dtype([*columns, ("status", np.int8), ("certified", np.bool_)], align=True)
+    rows = np.frombuffer(mmap.mmap(-1, len(states) * kind.itemsize), kind)  # forks share it: each writes its own rows
+
+    def tick(part: slice) -> None:
+        for k in range(*part.indices(len(states))):
+            if alone:
+                controllers[k].reset()
+            command = controllers[k].tick(*states[k])
+            certified = command.status.ok or command.certificate.ok  # what is ok is certified
+            rows[k] = command.a, command.v, command.tau, _CODES[command.status], certified
+
     if workers == 1:
-        _tick(work, slice(None))
+        tick(slice(None))
     else:
         size = len(states) // (workers * _SHARES) + 1
-        _WORK.append(work)
+        _TICKS.append(tick)
         try:
             with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("fork")) as pool:
                 list(pool.map(_share, [slice(i, i + size) for i in range(0, len(states), size)]))
@@ -106,58 +115,15 @@ def run_many(
                 "a worker of run_many died; see its message, or the system's log if memory ran out"
             ) from cause
         finally:
-            _WORK.pop()
-    a, v, tau, codes, certified = work.columns
-    status = tuple(_STATUSES[code] for code in codes.tolist())
+            _TICKS.pop()
+    a, v, tau, certified = (rows[name].copy() for name in ("a", "v", "tau", "certified"))
+    status = tuple(_STATUSES[code] for code in rows["status"].tolist())
     return Batch(a, v, tau, status, certified, perf_counter() - started)
 
 
-@final
-class _Columns(NamedTuple):
-    """Answers of all states, in memory that forks share: each worker writes its own rows."""
-
-    a: Vec
-    v: Vec
-    tau: Vec
-    status: Any
-    certified: Any
-
-    @classmethod
-    def of(cls, model: RobotModel, n: int) -> _Columns:
-        def shared(kind: type, *shape: int) -> Any:
-            dtype = np.dtype(kind)
-            memory = mmap.mmap(-1, max(1, math.prod(shape) * dtype.itemsize))
-            return np.frombuffer(memory, dtype, math.prod(shape)).reshape(shape)
-
-        nv, nj = model.nv, model.nj
-        motion = shared(float, n, nv), shared(float, n, nv), shared(float, n, nj)
-        return cls(*motion, shared(np.int8, n), shared(np.bool_, n))
-
-
-@final
-class _Work(NamedTuple):
-    """What forks inherit: controllers hold memory of Pinocchio that cannot be sent."""
-
-    controllers: Sequence[Controller]
-    states: Sequence[tuple[float, Any, Any]]
-    alone: bool
-    columns: _Columns
-
-
-_WORK: list[_Work] = []
+#: What forks inherit: controllers hold memory of Pinocchio that cannot be sent.
+_TICKS: list[Callable[[slice], None]] = []
 
 
 def _share(part: slice) -> None:
-    _tick(_WORK[-1], part)
-
-
-def _tick(work: _Work, part: slice) -> None:
-    a, v, tau, status, certified = work.columns
-    for k in range(*part.indices(len(work.states))):
-        controller = work.controllers[k]
-        if work.alone:
-            controller.reset()
-        command = controller.tick(*work.states[k])
-        a[k], v[k], tau[k] = command.a, command.v, command.tau
-        status[k] = _CODES[command.status]
-        certified[k] = command.status.ok or command.certificate.ok  # what is ok is certified
+    _TICKS[-1](part)
