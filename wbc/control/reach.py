@@ -14,7 +14,8 @@ from wbc.arguments import tells_arguments
 from wbc.control.controller import Controller
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
-from wbc.stack.constraint import Barrier, Constraints, JointInterval, LinearConstraint, Quantity
+from wbc.stack.block import says_of
+from wbc.stack.constraint import Barrier, Constraints, JointInterval, Quantity
 from wbc.stack.formulation import VelocityLevel
 from wbc.stack.hierarchy import Strict, Weighted
 from wbc.stack.member import bound
@@ -154,7 +155,7 @@ def _of_a_configuration(limit: Any, robot: RobotModel) -> list[Any]:
         return [_Limits(limit.name, "position", *bound(limit, robot).bounds(robot))]
     if isinstance(limit, JointInterval) and limit.quantity != "torque":
         return []
-    if isinstance(limit, LinearConstraint) and limit.on == "velocity":
+    if getattr(says_of(limit), "on", "") == "velocity":
         return []
     return [_quick(limit)]
 

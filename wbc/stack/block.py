@@ -25,7 +25,7 @@ from wbc.stack.contact import Anchor
 from wbc.stack.interval import JointIntervals
 from wbc.stack.kernel_rows import KernelRows
 from wbc.stack.motion import MotionRows
-from wbc.stack.task import Exactly, LinearExactly, LinearRows, LinearTask, TaskRows
+from wbc.stack.task import Exactly, LinearRows, LinearTask, TaskRows
 from wbc.types import Index, Mat, Vec
 
 _NONE = slice(0, 0)
@@ -98,7 +98,7 @@ class Block(ABC):
 def says_of(member: Any) -> Any:
     """What writes the rows of a member."""
     member = member.constraint if isinstance(member, Softly) else member
-    return member.task if isinstance(member, Exactly | LinearExactly) else member
+    return member.task if isinstance(member, Exactly) else member
 
 
 @final
@@ -174,7 +174,7 @@ class RowBlock(Block):
             self.out = out = BarrierRows()
             out.J, out.h, out.drift, out.rate = A, b, drift, rate
         elif isinstance(self.says, LinearTask):
-            self.out, kind = LinearRows(), int(_is_bounds(self.member))
+            self.out, kind = LinearRows(), int(isinstance(self.member, Exactly))
             self.out.A, self.out.b = A, b
         else:
             self.out = ConstraintRows()
@@ -222,11 +222,6 @@ class RowBlock(Block):
 
     def check(self, order: int) -> None:
         self._refuse_unwritten(*(what for what in self.out.__slots__ if what != "drift" or order == 2))
-
-
-def _is_bounds(member: Any) -> bool:
-    """Whether a linear task is a constraint, so that its b are bounds."""
-    return isinstance(member.constraint if isinstance(member, Softly) else member, LinearExactly)
 
 
 @final

@@ -6,7 +6,7 @@ There are four kinds:
                              them into one interval per joint that is never empty
 * :class:`Barrier`           h(q) >= 0, kept by a control barrier function at every level
 * :class:`LinearConstraint`  lo <= A y <= hi on velocities, accelerations, torques or one contact's wrench
-* ``task.exactly()``         any kinematic task as an equality (:class:`~wbc.stack.task.Exactly`)
+* ``task.exactly()``         any task as an equality (:class:`~wbc.stack.task.Exactly`)
 
 :class:`Constraints` are several of them under one name. The first three may also be objectives: ``constraint.softly()``
 (:class:`Softly`) stands among the tasks.

@@ -58,6 +58,7 @@ class Layout:
         for soft in self.slack:
             soft.prepare(model)
         exact = [constraint for constraint in constraints if not _has_slack(constraint)]
+        linear = [one for one in exact if isinstance(says_of(one), LinearConstraint | LinearTask)]
         tasks: list[Task] = of_kind(stack.tasks, Task)
         intervals: list[JointInterval] = of_kind(exact, JointInterval)
         #: Each limit on a quantity of the joints, with its bounds (nj,).
@@ -77,14 +78,14 @@ class Layout:
             for contact in stack.contacts
         ]
         self.barriers = self._blocks(RowBlock, of_kind(exact, Barrier), named)
-        self.constraints = self._blocks(RowBlock, of_kind(exact, LinearConstraint), named)
+        self.constraints = self._blocks(RowBlock, linear, named)
         self.soft = self._blocks(RowBlock, [*self.slack, *of_kind(stack.tasks, Softly)], named)
         self.n_range = len(self.names) - self.n_u
         self.linear = self._blocks(RowBlock, of_kind(stack.tasks, LinearTask), named)
         self.motion_row = len(self.names)
         self.kinematic = self._blocks(MotionBlock, [task for task in tasks if not task.on_joints], named)
         self.n_soft = len(self.names) - self.n_u - self.n_range
-        self.exact = self._blocks(MotionBlock, of_kind(exact, Exactly), named)
+        self.exact = self._blocks(MotionBlock, [one for one in exact if isinstance(says_of(one), Task)], named)
         self.contact_row = len(self.names)
         self.contacts = self._blocks(MotionBlock, stack.contacts, self._of_contact)
         self.n_rows = len(self.names)

@@ -16,7 +16,7 @@ from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.by_name import ByName
-from wbc.stack.constraint import Barrier, BarrierRows, ConstraintRows, LinearConstraint
+from wbc.stack.constraint import Barrier, BarrierRows
 from wbc.stack.contact import Anchor, Contact
 from wbc.stack.kernel_rows import KernelRows, kernel_rows_of
 from wbc.stack.member import EFFORTS, Member, setting
@@ -25,7 +25,7 @@ from wbc.stack.task_rows import FilledRows, TaskRows
 from wbc.types import Index, Mat, Vec
 
 __all__ = [
-    "Exactly", "LinearExactly", "LinearRows", "LinearTask", "Objective", "Reaction", "Task", "TaskRows", "Within",
+    "Exactly", "LinearRows", "LinearTask", "Objective", "Reaction", "Task", "TaskRows", "Within",
     "force_of",
 ]  # fmt: skip
 
@@ -127,7 +127,7 @@ class Task(Objective):
 class Exactly(Member):
     """A task turned into a constraint (an equality); made by ``task.exactly()``, used in ``subject_to``."""
 
-    def __init__(self, task: Task, *, name: str | None = None) -> None:
+    def __init__(self, task: Task | LinearTask, *, name: str | None = None) -> None:
         self.task = task
         self._name = name or f"{task.name} exactly"
 
@@ -293,44 +293,19 @@ class LinearTask(Objective):
     #: For ``on = "force"``: the name or frame of the contact, or of several.
     contact: str | tuple[str, ...] = ""
 
-    def exactly(self, *, name: str | None = None) -> LinearConstraint:
+    def exactly(self, *, name: str | None = None) -> Exactly:
         """The same task as a constraint: A y = b holds exactly, above every weight."""
-        return LinearExactly(self, name or f"{self.name} exactly")
+        return Exactly(self, name=name)
 
     @abstractmethod
     def fill(self, state: RobotState, out: LinearRows) -> None:
         """Write A (dim, size) and b (dim,) for this state. Pure."""
 
 
-@final
-class LinearExactly(LinearConstraint):
-    """A linear task turned into a constraint: lo = hi = b."""
-
-    def __init__(self, task: LinearTask, name: str) -> None:
-        super().__init__(name=name)
-        self.task = task
-        self.contact = task.contact
-
-    @property
-    def on(self) -> Any:  # type: ignore[override]
-        """What the task is about."""
-        return self.task.on
-
-    def prepare(self, model: RobotModel) -> None:
-        self.task.prepare(model)
-        self.dim = self.task.dim
-        self.units = tuple(self.task.unit(i) for i in range(self.dim))
-
-    def fill(self, state: RobotState, out: ConstraintRows) -> None:
-        rows = LinearRows()
-        rows.A, rows.b = out.A, out.lo
-        self.task.fill(state, rows)
-        out.hi[:] = out.lo
-
-
 def force_of(member: Any) -> tuple[str, ...]:
     """Names or frames of the contacts whose force a task or constraint is about; none for most."""
     member = getattr(member, "constraint", member)  # a soft constraint is about what its constraint is about
+    member = member.task if isinstance(member, Exactly) else member
     if getattr(member, "on", None) != "force":
         return ()
     contact: str | tuple[str, ...] = member.contact

@@ -52,7 +52,7 @@ def check_constraint(
         >>> check_constraint(JointPositionLimits())
     """
     if isinstance(constraint, Exactly):
-        check_task(constraint.task, model, states)
+        check_task(constraint.task, model, states, contact_dim=contact_dim)
         return
     checks.instance("constraint", constraint, Member, "a constraint, or task.exactly()")
     given = None if states is None else checks.moments("states", states)
