@@ -352,13 +352,11 @@ def _objectives(tasks: Any, n: int) -> tuple[Objective, ...]:
 
 
 def _stored_tasks(data: dict[str, Any]) -> list[Objective]:
-    """The tasks of a file; files written before tasks were kept have none."""
-    if "tasks" not in data:
-        return []
+    """The tasks of a file."""
     tasks, start = [], 0
     for name, unit, size in read_json("tasks", str(data["tasks"])):
         own = slice(start, start + int(size))
-        tasks.append(Objective(_text(name), data["task_rows"][own], data["targets"][own], _text(unit)))
+        tasks.append(Objective(name, data["task_rows"][own], data["targets"][own], unit))
         start = own.stop
     return tasks
 
