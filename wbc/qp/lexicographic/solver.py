@@ -23,7 +23,7 @@ from wbc.qp.lexicographic.compiled.rank import IS_MET, NOT_DECIDED, Count, rank
 from wbc.qp.lexicographic.compiled.rank import LAYOUT as RANKINGS
 from wbc.qp.lexicographic.compiled.space import LAYOUT as SPACES
 from wbc.qp.lexicographic.compiled.space import Size
-from wbc.qp.lexicographic.compiled.stage import CORE_AT, LEVELS_AT, conclude, hoped
+from wbc.qp.lexicographic.compiled.stage import CORE_AT, FIRST, HOPE, LEVELS_AT, conclude, hoped
 from wbc.qp.lexicographic.parts import Pull, Stage
 from wbc.qp.lexicographic.stages import StagedProblem, address_of
 from wbc.qp.problem import QP, Row
@@ -106,7 +106,7 @@ class LexicographicSolver(RowSolver):
         self._weighed = self._one_by_one = False
         self._sides[:] = 0.0
         self._core.reset()
-        self.staged.hope(self._last)
+        self.staged.links[HOPE] = self._last
         if self._leave is not None:
             self._leave.reset()
 
@@ -119,7 +119,7 @@ class LexicographicSolver(RowSolver):
         self.shortfall, self._weighed = "", False
         status = self._decided(code)
         if not status.ok:
-            self.staged.hope(self.began)
+            self.staged.links[HOPE] = self.began
             return self._weigh(status)
         report = Report(self.staged, self._report.copy(), None if self._one_by_one else self._core.proof)
         self.report, self.proof = report, report.certificate
@@ -140,7 +140,7 @@ class LexicographicSolver(RowSolver):
         What stands above the first stage is hoped to be met; where that has no answer, or a stage above is damped,
         another one above is the first.
         """
-        first, last, work, counts = self.staged.first, self._last, self._work, self.counts
+        first, last, work, counts = self.staged.links.item(FIRST), self._last, self._work, self.counts
         self._one_by_one = first < last
         if first == last:
             self.began = self.ended = last

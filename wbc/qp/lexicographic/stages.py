@@ -25,7 +25,7 @@ from typing import final
 import numpy as np
 
 from wbc.compiled import Memory
-from wbc.qp.lexicographic.compiled.stage import FIRST, HOPE, LAYOUT
+from wbc.qp.lexicographic.compiled.stage import LAYOUT
 from wbc.qp.lexicographic.parts import GIVEN_UP, Part, Stage
 from wbc.qp.problem import Row
 from wbc.qp.rows import RowProblem, RowTask
@@ -139,15 +139,6 @@ class StagedProblem:
             elif part.task.rows is None:
                 found.append(part.task)
         return found
-
-    @property
-    def first(self) -> int:
-        """The stage that was tried first in the last tick: all above it were hoped to be met."""
-        return self.links.item(FIRST)
-
-    def hope(self, first: int) -> None:
-        """Hope that all stages above this one are met in the next tick."""
-        self.links[HOPE] = first
 
     @np.errstate(all="ignore")
     def settle(self, k: int) -> None:
