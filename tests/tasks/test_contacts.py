@@ -156,14 +156,6 @@ def test_a_sole_moved_in_its_frame_is_held_at_its_own_centre(state: RobotState):
     np.testing.assert_allclose(errors[1], shift.actionInverse @ errors[0], atol=1e-9)
 
 
-def test_an_anchor_follows_what_is_written_into_it():
-    anchor = Anchor(np.eye(3), np.zeros(3))
-    anchor.position[:] = [1.0, 2.0, 3.0]
-    anchor.rotation[:] = np.diag([1.0, -1.0, -1.0])
-    np.testing.assert_array_equal(anchor.pose.translation, [1.0, 2.0, 3.0])
-    np.testing.assert_array_equal(anchor.pose.rotation, np.diag([1.0, -1.0, -1.0]))
-
-
 def test_an_anchor_keeps_its_own_memory():
     rotation, position = np.eye(3), np.zeros(3)
     anchor = Anchor(rotation, position)

@@ -228,7 +228,8 @@ class _Program:
         size = np.concatenate([weight * LEVERS, tau_max[hard]])[:, None]
         cone[:, normals] *= _CONE
         wrenches = [np.pad(one, (0, 6 - len(one))) for one in np.split(f, normals[1:] - 2)]
-        poses = [contact.anchor(self._state).pose for contact in contacts]
+        anchors = [contact.anchor(self._state) for contact in contacts]
+        poses = [pinocchio.SE3(at.rotation, at.position) for at in anchors]
         pushes = [(c.frame, at.act(pinocchio.Force(w))) for c, at, w in zip(contacts, poses, wrenches, strict=True)]
         on_moves = [part[rows] / size for part in inverse_dynamics_derivatives(self._state, a, pushes)]
         weights = np.repeat([_FORCE, _SLACK], [len(J), len(rows)])

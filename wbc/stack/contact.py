@@ -8,7 +8,6 @@ from collections.abc import Iterator, Sequence
 from typing import Any, ClassVar, Self, final
 
 import numpy as np
-import pinocchio
 from scipy.linalg import block_diag
 
 from wbc import checks
@@ -27,24 +26,18 @@ WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
 
 @final
 class Anchor:
-    """Where a contact was made: rotation (3, 3) of its surface and position (3,) of its point, both in the world.
+    """Where a contact was made: rotation (3, 3) of its surface and position (3,) of its point, both in the world."""
 
-    ``pose`` is the same as a pinocchio.SE3 whose memory the two arrays are: write into them and it follows.
-    """
-
-    __slots__ = ("pose", "position", "rotation")
+    __slots__ = ("position", "rotation")
 
     def __init__(self, rotation: Any, position: Any) -> None:
-        self.pose = pinocchio.SE3(np.asarray(rotation, dtype=np.float64), np.asarray(position, dtype=np.float64))
-        self.rotation: Mat = self.pose.rotation
-        self.position: Vec = self.pose.translation
+        #: Stored by columns, as compiled code reads it.
+        self.rotation: Mat = np.asfortranarray(checks.array("rotation", rotation, (3, 3)))
+        self.position: Vec = checks.array("position", position, (3,))
 
     def move(self, to: Anchor) -> None:
         """The contact is made there now."""
         self.rotation[:], self.position[:] = to.rotation, to.position
-
-    def __reduce__(self) -> tuple[type[Anchor], tuple[Mat, Vec]]:
-        return Anchor, (np.array(self.rotation), np.array(self.position))
 
 
 class Contact(Member):
