@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import warnings
 from abc import ABCMeta
 from collections.abc import Callable, Mapping
 from difflib import get_close_matches
@@ -11,7 +10,7 @@ from functools import wraps
 from inspect import Parameter, Signature, getdoc, isfunction, signature, unwrap
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
-from wbc.errors import InvalidInput, UnknownPart
+from wbc.errors import InvalidInput, UnknownPart, warn
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
@@ -128,9 +127,7 @@ def _check_method(cls: type, name: str, own: Any, above: Mapping[str, Any]) -> N
     elif name not in above:
         others = [n for n, method in above.items() if isfunction(method) and n not in vars(cls)]
         for near in get_close_matches(name, others, n=1, cutoff=_SLIP):
-            warnings.warn(
-                f"{cls.__name__}.{name}: did you mean {near}{_shown(above[near])}?", UnknownMethod, stacklevel=4
-            )
+            warn(f"{cls.__name__}.{name}: did you mean {near}{_shown(above[near])}?", UnknownMethod)
 
 
 def _refuse(

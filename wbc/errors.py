@@ -13,11 +13,21 @@ Example:
 from __future__ import annotations
 
 import difflib
+import sys
+import warnings
 from collections.abc import Iterable
 from pathlib import Path
 
 #: The folders of this library in a clone.
 _LIBRARY = (Path(__file__).parent, Path(__file__).parent.parent / "tasks")
+
+
+def warn(sentence: str, kind: type[Warning] = UserWarning) -> None:
+    """Warn at the line of the user's code that called this library, however deep in the library that is noticed."""
+    frame, level = sys._getframe(1), 2
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] in {"wbc", "tasks"}:
+        frame, level = frame.f_back, level + 1
+    warnings.warn(sentence, kind, stacklevel=level)
 
 
 class WbcError(Exception):

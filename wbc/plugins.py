@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from importlib.metadata import entry_points
 from typing import TypeVar
+
+from wbc.errors import warn
 
 GROUP = "wbc.scenarios"
 T = TypeVar("T")
@@ -32,9 +33,7 @@ def registered(kind: type[T]) -> dict[str, T]:
             loaded = point.load()
             members = dict(loaded) if isinstance(loaded, Mapping) else {member.name: member for member in loaded}
         except (Exception, SystemExit) as cause:
-            warnings.warn(
-                f"{GROUP} of {point.value} cannot be loaded and is left out: {one_line(cause)}", BrokenPlugin, 2
-            )
+            warn(f"{GROUP} of {point.value} cannot be loaded and is left out: {one_line(cause)}", BrokenPlugin)
             continue
         found |= {str(name): member for name, member in members.items() if isinstance(member, kind)}
     return found

@@ -125,10 +125,12 @@ class Controller(Solving, metaclass=TellsArguments):
                 f"solver {solver.name!r} cannot keep limits to {MET:g} in a control loop; it is for offline use"
             )
         super().__init__(robot, stack, level, hierarchy=hierarchy, solver=solver, dt=dt)
+        plan = self.plans.whole.plan
+        plausible.redundant(robot, plan.problem.G[plan.layout.contact_row : plan.layout.n_rows, : robot.nv])
         if level.dynamics:
-            plausible.torques(robot, *self.plans.whole.plan.torque_bounds)
+            plausible.torques(robot, *plan.torque_bounds)
             if not stack.components:  # they may know of other forces
-                plausible.held(robot, self.plans.whole.plan.layout.nf)
+                plausible.held(robot, plan.layout.nf)
         self.measured = Measured(robot)
         self.components = stack.components
         self.reset()

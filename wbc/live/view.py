@@ -5,7 +5,6 @@ from __future__ import annotations
 import socket
 import subprocess
 import sys
-import warnings
 from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from math import nan
@@ -19,7 +18,7 @@ from wbc import checks
 from wbc.control.answer import active
 from wbc.control.controller import Controller
 from wbc.control.ticks import about, outcome
-from wbc.errors import InvalidInput, NotSupported, WbcError
+from wbc.errors import InvalidInput, NotSupported, WbcError, warn
 from wbc.live.knobs import Knobs
 from wbc.report.replay import BUDGET
 from wbc.report.shapes import obstacle_parts, parts, thinned
@@ -286,7 +285,7 @@ class View:
         """The view's process has ended: the loop goes on without it."""
         self._line.close()
         self.paused = False
-        warnings.warn("the view in the browser has ended; the loop goes on", stacklevel=4)
+        warn("the view in the browser has ended; the loop goes on")
 
 
 def _drawn(column: str) -> bool:

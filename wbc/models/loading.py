@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,7 +14,7 @@ import numpy as np
 
 from wbc import checks
 from wbc.arguments import tells_arguments
-from wbc.errors import InvalidInput, ModelError, UnknownConfiguration, UnknownRobot
+from wbc.errors import InvalidInput, ModelError, UnknownConfiguration, UnknownRobot, warn
 from wbc.files import located
 from wbc.models import plausible
 from wbc.models.catalogue import EXAMPLES, OWN, OWN_ROBOTS, Entry, example_robots
@@ -117,7 +116,7 @@ def load(
         (oddities, UserWarning), (plausible.inertias(loaded), plausible.ImplausibleInertia), (guessed, Guessed)
     ):  # fmt: skip
         if found:
-            warnings.warn(f"{loaded.name}: {_few(found, '; ')}", kind, stacklevel=3)
+            warn(f"{loaded.name}: {_few(found, '; ')}", kind)
     return loaded
 
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import warnings
 from math import pi
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from wbc.errors import warn
 from wbc.tolerances import MET
-from wbc.types import Vec
+from wbc.types import Mat, Vec
 
 if TYPE_CHECKING:
     from wbc.models.model import RobotModel
@@ -33,13 +33,17 @@ class ImplausibleInertia(UserWarning):
     """Mass and principal moments of inertia that no rigid body has."""
 
 
+class RedundantContacts(UserWarning):
+    """Rows of contacts depend on one another."""
+
+
 class NothingHoldsTheBase(UserWarning):
     """A floating base in gravity that no force acts on."""
 
 
 def doubt(sentence: str) -> None:
     """Warn."""
-    warnings.warn(sentence, ImplausibleUnit, stacklevel=2)
+    warn(sentence, ImplausibleUnit)
 
 
 def joints(model: RobotModel, name: str, positions: Vec) -> None:
@@ -97,7 +101,20 @@ def held(model: RobotModel, forces: int) -> None:
             f"{model.name} has a floating base and the stack has no contacts: no force holds the base, so it falls. "
             "Give the stack contacts, such as feet(robot), or load the robot with base='fixed'"
         )
-        warnings.warn(said, NothingHoldsTheBase, stacklevel=3)
+        warn(said, NothingHoldsTheBase)
+
+
+def redundant(model: RobotModel, J: Mat) -> None:
+    """Rows J of contacts (m, nv) that depend on one another hold more than the robot can move: as of legs whose joints
+    turn about parallel axes, in a plane. A measured state, which is off by a little, contradicts such rows."""
+    rank = int(np.linalg.matrix_rank(J)) if J.size else 0
+    if rank < len(J):
+        said = (
+            f"the contacts hold {len(J)} directions, of which {model.name} can move {rank} one by one where it stands "
+            "now: rows of contacts depend on one another. A state that is off by a little contradicts them; the "
+            "motion of contacts is then relaxed, and the status of these ticks is INFEASIBLE"
+        )
+        warn(said, RedundantContacts)
 
 
 class Described(Protocol):

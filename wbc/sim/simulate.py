@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterable, Mapping
 from time import perf_counter_ns
 from typing import Any, final
@@ -17,7 +16,7 @@ from wbc.control.metadata import with_more
 from wbc.control.recorder import Recorder, Run
 from wbc.control.setpoint import Setpoint
 from wbc.control.ticks import Ticks, about, outcome
-from wbc.errors import InvalidInput, SimulationError
+from wbc.errors import InvalidInput, SimulationError, warn
 from wbc.models.model import RobotModel
 from wbc.sim.disturbance import Delay, Disturbance, Effect, SensorNoise, listed
 from wbc.sim.joining import guests
@@ -151,7 +150,7 @@ def simulate(
     run = record.run({**told, **meta})
     run.failed = watched.failed
     if watched.failure is not None and run["status"].all():  # SOLVED is number 0
-        warnings.warn(f"no tick of this run was solved. {watched.failure['why']}", NoAnswer, stacklevel=3)
+        warn(f"no tick of this run was solved. {watched.failure['why']}", NoAnswer)
     if interrupted:
         raise Interrupted(run, controller.model) from None
     return run
@@ -243,11 +242,11 @@ def check_fit(controller: Controller, plant: Plant) -> None:
             f"use IntegratorPlant(robot, level='{'velocity' if level.order == 1 else 'acceleration'}')"
         )
     if missing := plant.missing(controller.plans.whole.plan.stack.contacts):
-        warnings.warn(
+        warn(
             f"this {type(plant).__name__} lacks contacts of the stack, {', '.join(missing)}: nothing there pushes on "
             "the robot. Write MujocoPlant(robot, contacts=stack.contacts)",
-            MissingContact, stacklevel=4,
-        )  # fmt: skip
+            MissingContact,
+        )
 
 
 def _about(plant: Plant, disturbances: list[Disturbance], duration: float) -> dict[str, Any]:
