@@ -31,7 +31,7 @@ ARROWS = {
     "friction": {"errors", "types", "checks"},
     "files": {"errors", "checks"},
     "npz": {"errors", "files"},
-    "plugins": set(),
+    "plugins": {"errors"},
     "short_name": set(),
     "qp": BASE,
     "models": BASE,
