@@ -323,11 +323,12 @@ def test_what_is_left_out_is_said(tmp_path):
         '<actuator><motor name="winch" tendon="cord"/></actuator>'
     )
     path = tmp_path / "robot.xml"
-    path.write_text(simple(joint='stiffness="3"', more=more))
+    path.write_text(simple(joint='stiffness="0 3" damping="1 2"', more=more))
     with pytest.warns(UserWarning) as said:
         wbc.load(path)
     text = str(said[0].message)
     assert "the spring (stiffness) of joint 'hinge' is left out" in text
+    assert "the damping of joint 'hinge' beyond its linear part is left out" in text
     assert "tendon 'cord' is left out" in text
     assert "actuator 'winch' is left out: it moves no joint" in text
 

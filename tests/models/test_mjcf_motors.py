@@ -17,14 +17,18 @@ pytestmark = pytest.mark.physics
 
 @pytest.mark.parametrize("seed", range(20))
 def test_a_torque_limit_is_what_actuators_give_in_both_directions(tmp_path: Path, seed: int):
-    """MuJoCo is asked for all they can give; a joint that they drive harder in one direction is warned about."""
+    """MuJoCo is asked for all they can give; a joint that they drive harder in one direction is warned about.
+
+    Actuators before them may have several controls, or several outputs.
+    """
     rng = np.random.default_rng(seed)
 
     def drawn(name: str) -> str:
         low, high = sorted(rng.choice([-5.0, -2.0, -1.0, 0.0, 0.5, 3.0, 5.0], 2, replace=False))
         return f'{name}="{low} {high}"'
 
-    motors = []
+    several = '<pid joint="y" input="pos vel" kp="1" kv="1"/>', '<orientation site="s" refsite="t" kp="1"/>'
+    motors = [one for one in several if rng.random() < 0.5]
     for _ in range(int(rng.integers(1, 3))):
         gear = rng.choice([-3.0, -1.0, 0.5, 2.0])
         force = drawn("forcerange") if rng.random() < 0.5 else ""
@@ -32,13 +36,16 @@ def test_a_torque_limit_is_what_actuators_give_in_both_directions(tmp_path: Path
     limit = drawn("actuatorfrcrange") if rng.random() < 0.4 else ""
     path = tmp_path / "driven.xml"
     path.write_text(
-        f'<mujoco><compiler angle="radian"/><worldbody><body name="a"><joint name="x" axis="0 1 0" {limit}/>'
-        f'<geom type="sphere" size=".1" mass="1"/></body></worldbody><actuator>{"".join(motors)}</actuator></mujoco>'
+        f'<mujoco><compiler angle="radian"/><worldbody><site name="t"/><body name="a"><joint name="x" {limit}/>'
+        '<geom size=".1"/><site name="s"/><body name="b"><joint name="y"/><geom size=".1"/></body></body></worldbody>'
+        f"<actuator>{''.join(motors)}</actuator></mujoco>"
     )
     model = mujoco.MjModel.from_xml_path(str(path))
     data, given = mujoco.MjData(model), []
-    for controls in product((-1e6, 1e6), repeat=model.nu):
-        data.ctrl[:] = controls
+    drives = model.actuator_ctrladr[model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT]
+    drives = drives[model.actuator_trnid[model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT, 0] == 0]
+    for controls in product((-1e6, 1e6), repeat=len(drives)):
+        data.ctrl[drives] = controls
         mujoco.mj_forward(model, data)
         given.append(float(data.qfrc_actuator[0]))
     low, high = min(given), max(given)

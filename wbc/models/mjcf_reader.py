@@ -249,11 +249,13 @@ class _Translation:
         limited, slides = bool(m.jnt_limited[joint]), m.jnt_type[joint] == kinds.mjJNT_SLIDE
         if not slides and m.jnt_type[joint] != kinds.mjJNT_HINGE:
             raise ModelError(f"joint {name!r} is a ball; joints may be hinge, slide and one free joint")
-        if m.jnt_stiffness[joint]:
+        if m.jnt_stiffness[joint] or m.jnt_stiffnesspoly[joint].any():
             self.left_out.append(f"the spring (stiffness) of joint {name!r} is left out")
         lower, upper = map(float, m.jnt_range[joint]) if limited else (-inf, inf)
         kind: JointKind = "prismatic" if slides else "revolute" if limited else "continuous"
         dof = m.jnt_dofadr[joint]
+        if m.dof_dampingpoly[dof].any():
+            self.left_out.append(f"the damping of joint {name!r} beyond its linear part is left out")
         if m.dof_armature[dof] < 0:
             raise ModelError(f"joint {name!r} has an armature of {m.dof_armature[dof]:g}; it must not be negative")
         mimics, ratio, offset = self.mimics.get(joint, (None, 1.0, 0.0))
@@ -267,18 +269,20 @@ class _Translation:
     def _effort(self, joint: int) -> float:
         """What its actuators can do in either direction; without one nothing, in a file that has actuators at all."""
         m = self.m
-        low, high = (0.0, 0.0) if m.nu else (-inf, inf)
+        low, high = (0.0, 0.0) if m.nactuator else (-inf, inf)
         for actuator in map(int, np.flatnonzero(self._drives() & (m.actuator_trnid[:, 0] == joint))):
-            if m.actuator_armature[actuator] or m.actuator_damping[actuator].any():
+            damping = m.actuator_damping[actuator], *m.actuator_dampingpoly[actuator]
+            if m.actuator_armature[actuator] or any(damping):
                 raise ModelError(
                     f"an actuator of joint {self.joint(joint)!r} has armature or damping; give the joint's"
                 )
             least, most = -inf, inf
-            if m.actuator_ctrllimited[actuator] and self._is_motor(actuator):
-                least, most = sorted(float(m.actuator_gainprm[actuator, 0]) * m.actuator_ctrlrange[actuator])
+            control = m.actuator_ctrladr[actuator]  # one that tracks has several
+            if self._is_motor(actuator) and m.actuator_ctrllimited[control]:
+                least, most = sorted(float(m.actuator_gainprm[actuator, 0]) * m.actuator_ctrlrange[control])
             if m.actuator_forcelimited[actuator]:
                 least, most = np.clip((least, most), *m.actuator_forcerange[actuator])
-            gear = float(m.actuator_gear[actuator, 0])
+            gear = float(m.actuator_gear[m.actuator_outadr[actuator], 0])
             ends = sorted((gear * least, gear * most)) if gear else (0.0, 0.0)
             low, high = low + float(ends[0]), high + float(ends[1])
         if m.jnt_actfrclimited[joint]:
