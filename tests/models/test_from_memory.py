@@ -163,11 +163,34 @@ def test_reference_configurations_are_named_ones():
     assert quietly(model, q0="bent").q0[3] == pytest.approx(0.3)
 
 
-def test_the_base_of_a_model_can_be_another():
-    model = pin.buildModelFromUrdf(str(OWN / "arm.urdf"))
-    assert quietly(model, base="floating").nq == 14 and quietly(model, base="planar").nq == 10
-    free = pin.buildModelFromUrdf(str(OWN / "arm.urdf"), pin.JointModelFreeFlyer())
-    assert quietly(free, base="fixed").nq == 7
+@pytest.mark.parametrize("own", ["fixed", "floating"])
+@pytest.mark.parametrize("base", ["fixed", "floating", "planar"])
+def test_the_base_of_a_model_can_be_another(base: str, own: str):
+    """It is the robot that its file gives on that base, whose base link has a mass too."""
+    path = str(OWN / "quadruped.urdf")
+    model = pin.buildModelFromUrdf(path, *((pin.JointModelFreeFlyer(),) if own == "floating" else ()))
+    model.gravity = pin.Motion(np.array([0.0, 0.0, -1.6, 0.0, 0.0, 0.0]))
+    moon, robots = model.gravity.linear, [quietly(model, base=base), load(path, base=base, feet=[])]
+    assert np.array_equal(robots[0].gravity, moon) and robots[0].joint_names == robots[1].joint_names
+    assert robots[0].mass == pytest.approx(robots[1].mass)
+    states = [robot.state() for robot in robots]
+    q, v = robots[1].random_configuration(np.random.default_rng(0)), np.arange(robots[1].nv) + 1.0
+    for state in states:
+        state.update(0.0, q, v)
+    lift = (np.array([0.0, 0.0, -9.81]) - moon) @ states[1].centroidal_map[:3]
+    np.testing.assert_allclose(states[0].M, states[1].M, atol=1e-12)
+    np.testing.assert_allclose(states[0].h, states[1].h + lift, atol=1e-10)
+    for frame in robots[1].frame_names:
+        np.testing.assert_allclose(states[0].frame(frame).placement, states[1].frame(frame).placement, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_order_of_joints_stays_on_another_base(seed: int):
+    robot = quietly(model := grown(seed, None), base="floating")
+    assert robot.joint_names == tuple(model.names)[1:]
+    on_world = quietly(model).state()
+    state = robot.state()
+    np.testing.assert_allclose(state.M[6:, 6:], on_world.M, atol=1e-12)
 
 
 @pytest.mark.parametrize(

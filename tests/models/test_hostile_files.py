@@ -97,7 +97,8 @@ HOSTILE: dict[str, tuple[str | bytes, str]] = {
     "joint without a type": (robot(LINKS + HINGE.replace(' type="revolute"', "")), "joint 'hinge' has no type"),
     "joint of another type": (
         robot(LINKS + HINGE.replace("revolute", "planar")),
-        "joint 'hinge' is 'planar'; joints may be fixed, revolute, continuous, prismatic",
+        "joint 'hinge' is 'planar'; joints may be fixed, revolute, continuous, prismatic, "
+        "and a base that moves is load(..., base='planar')",
     ),
     "no limit": (robot(LINKS + HINGE.replace(LIMIT, "")), "joint 'hinge' is revolute and has no <limit>"),
     "zero axis": (robot(LINKS + HINGE.replace("0 0 1", "0 0 0")), "the axis of joint 'hinge' is zero"),

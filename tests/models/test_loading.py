@@ -217,7 +217,7 @@ def test_shapes_carry_place_size_and_colour(tmp_path: Path):
         '<material name="red"/></visual>'
         '<visual><geometry><cylinder radius="0.1" length="2"/></geometry>'
         '<material name="own"><color rgba="0 1 2 0.5"/></material></visual>'
-        '<visual><geometry><capsule radius="0.1" length="2"/></geometry></visual><visual/>'
+        "<visual/>"
         '<collision><geometry><sphere radius="0.2"/></geometry></collision>'
     )
     path = written(tmp_path, hinge("swing", SANE), inside=inside)
@@ -243,6 +243,41 @@ def test_links_are_frames_and_so_are_joints(tmp_path: Path):
     path = written(tmp_path, hinge("b", SANE), hinge("swing", SANE))
     frames = load(path).frame_names
     assert frames.count("b") == 1 and {"a", "b", "c", "swing"} == set(frames)
+
+
+@pytest.mark.parametrize("base", ["fixed", "floating", "planar"])
+@pytest.mark.parametrize("kind", ["fixed", "revolute"])
+def test_a_robot_is_the_same_whatever_a_joint_is_called(tmp_path: Path, kind: str, base: Any):
+    """Pinocchio has names of its own, and takes frames of one name for one."""
+    limit = 'lower="-1" upper="1" effort="3" velocity="1"'
+
+    def robot(name: str) -> PinocchioModel:
+        return load(written(tmp_path, hinge(name, limit, kind), hinge("swing", SANE)), base=base, feet=[])
+
+    known = robot("other")
+    q, v = known.random_configuration(np.random.default_rng(0)), np.arange(known.nv) + 1.0
+    for name in ("root_joint", "root_joint_", "world", "a", "b"):
+        states = [one.state() for one in (known, robot(name))]
+        for state in states:
+            state.update(0.0, q, v)
+        for read in (lambda s: s.M, lambda s: s.h, lambda s: s.frame("b").position, lambda s: s.frame("c").rotation):
+            assert np.array_equal(*map(read, states)), name
+        assert load(written(tmp_path, hinge(name, limit, kind), hinge("swing", SANE)), base=base).mass == known.mass
+    with pytest.raises(ModelError, match="a joint is called 'universe', which is Pinocchio's name"):
+        robot("universe")
+
+
+def test_a_link_may_be_called_as_pinocchio_calls_the_world(tmp_path: Path):
+    path = written(tmp_path, hinge("swing", SANE))
+    path.write_text(path.read_text().replace('"a"', '"universe"').replace('"b"', '"root_joint"'))
+    for base in ("fixed", "floating"):
+        assert {"universe", "root_joint"} <= set(load(path, base=base).frame_names)
+
+
+def test_shapes_that_are_not_read_are_said(tmp_path: Path):
+    shape = '<collision><geometry><capsule radius="1" length="1"/></geometry></collision>'
+    with pytest.warns(UserWarning, match="a collision of link 'a' is left out: it is a <capsule>, not a box"):
+        load(written(tmp_path, hinge("swing", SANE), inside=shape))
 
 
 def test_a_base_is_fixed_or_floating(tmp_path: Path):

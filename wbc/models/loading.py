@@ -100,12 +100,12 @@ def load(
     if base is not None:
         checks.one_of("base", base, ("fixed", "floating", "planar"))
     folders = [located(folder) for folder in _listed("packages", packages, str | Path, "the path of a folder")]
-    entry, name, urdf, model = _described(robot, folders)
+    entry, name, urdf, built = _described(robot, folders)
     own: Base = entry.base if urdf.base is None else "floating"
     wanted = _Wanted(base or own, name, entry)
     if feet is not None:
         wanted.feet = _listed("feet", feet, str | Foot, "a frame or a Foot")
-    loaded = wanted.robot(urdf, model if base in (None, own) else None, srdf, q0)
+    loaded = wanted.robot(urdf, None if built is None else built(wanted.base), srdf, q0)
     oddities = urdf.oddities()
     if loaded.weightless:
         oddities.insert(0, f"no inertia moves with {_few(loaded.weightless)}, so there is kinematics and no dynamics")
@@ -127,7 +127,7 @@ def _few(found: Sequence[str], between: str = ", ") -> str:
 
 
 def _described(robot: Any, folders: list[Path]) -> tuple[Entry, str | None, Urdf, Any]:
-    """What is known of a robot, its name if it is known by it, its description, its Pinocchio model if it is one."""
+    """What is known of a robot, its name if it is known by it, its description, its models by base if it is one."""
     for attribute in ("URDF_PATH", "MJCF_PATH") if isinstance(robot, ModuleType) else ():
         if hasattr(robot, attribute):
             around = [getattr(robot, f"{key}_PATH", None) for key in ("PACKAGE", "REPOSITORY")]
@@ -230,7 +230,7 @@ class _Wanted:
         self.guessed += measured.guessed
         if measured.feet:
             urdf = urdf.with_frames(measured.added)
-            model = None if model is None else _with_frames(model, measured.added)
+            model = None if model is None else _with_frames(model, robot.frames, measured.added)
             robot = PinocchioModel(urdf, base=self.base, name=self.name, feet=measured.feet, model=model)
         configurations = {name: _levelled(robot, _posed(robot, pose)) for name, pose in poses.items()}
         plausible.joints(robot, "q0", q[robot.nq - robot.nj :])
@@ -289,11 +289,11 @@ def _straight(robot: PinocchioModel) -> dict[str, list[float]]:
     }
 
 
-def _with_frames(model: Any, mounts: Iterable[Joint]) -> Any:
+def _with_frames(model: Any, frames: Mapping[str, int], mounts: Iterable[Joint]) -> Any:
     import pinocchio as pin
 
     for mount in mounts:
-        index = model.getFrameId(mount.parent)
+        index = frames[mount.parent]
         carrier, at = model.frames[index], pin.SE3(mount.origin.matrix)
         model.addFrame(pin.Frame(mount.child, carrier.parentJoint, index, carrier.placement * at, pin.FrameType.BODY))
     return model

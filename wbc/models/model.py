@@ -31,8 +31,6 @@ _LOCAL, _WORLD_AXES = pin.ReferenceFrame.LOCAL, pin.ReferenceFrame.LOCAL_WORLD_A
 #: What a state without drifts says of them.
 _NO_DRIFT = frozen(np.full(6, np.nan))
 _NO_MOTION = SimpleNamespace(vector=_NO_DRIFT, linear=_NO_DRIFT[:3], angular=_NO_DRIFT[3:])
-#: Frames that Pinocchio adds and no description has.
-_INTERNAL = {"universe", "root_joint"}
 
 
 class Pose(Protocol):
@@ -486,11 +484,13 @@ def _restore(model: RobotModel, t: float, q: Vec, v: Vec, drifts: bool) -> Robot
 
 
 def _frames(model: Any) -> dict[str, int]:
-    """Index of each frame by name: links, then joints that no link is called like."""
+    """Index of each frame by name: links, then joints that no link is called like; not what Pinocchio adds itself, the
+    universe and the joint of a floating base."""
     found: dict[str, int] = {}
     kinds = (pin.FrameType.BODY, pin.FrameType.OP_FRAME, pin.FrameType.JOINT, pin.FrameType.FIXED_JOINT)
     for kind in kinds:
         for index, frame in enumerate(model.frames):
-            if frame.type == kind and frame.name not in _INTERNAL:
+            own = frame.type == pin.FrameType.JOINT and model.nvs[frame.parentJoint] == 6
+            if index and frame.type == kind and not own:
                 found.setdefault(frame.name, index)
     return found

@@ -17,6 +17,7 @@ from wbc.models.feet import Foot
 from wbc.models.geometry import Geometry
 from wbc.models.limits import Limits, finite_interval
 from wbc.models.model import RobotModel
+from wbc.models.poses import BASE
 from wbc.models.urdf import Joint, Urdf
 from wbc.models.views import frozen
 from wbc.types import Vec
@@ -230,10 +231,12 @@ class PinocchioModel(RobotModel):
 
 def _build(urdf: Urdf, base: str) -> Any:
     """The Pinocchio model; joints without end as revolute ones."""
-    text = urdf.text(continuous="revolute")
+    text, root, taken = urdf.text(continuous="revolute"), BASE, {joint.name for joint in urdf.joints}
+    while root in taken:  # Pinocchio takes joints of one name for one
+        root += "_"
     try:
         model = (
-            pin.buildModelFromXML(text, pin.JointModelFreeFlyer())
+            pin.buildModelFromXML(text, pin.JointModelFreeFlyer(), root)
             if base == "floating"
             else pin.buildModelFromXML(text)
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import inf, isfinite
 from pathlib import Path
 from typing import Any
@@ -19,16 +20,27 @@ from wbc.types import Vec
 #: Limits beyond this [rad, m, ...] are none.
 _ENDLESS = 1e20
 _LINKS = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
+#: Joints before the robot's own, by base, each with the link that it stands on; names as ``Urdf.on_plane`` has them.
+_ROOTS = {
+    "fixed": (),
+    "floating": (("", "root_joint", pin.JointModelFreeFlyer()),),
+    "planar": (
+        ("plane", "base_x", pin.JointModelPX()), ("base_x_link", "base_y", pin.JointModelPY()),
+        ("base_y_link", "base_yaw", pin.JointModelRZ()),
+    ),
+}  # fmt: skip
 
 
-def read_pinocchio(model: Any, collisions: Any = None, visuals: Any = None) -> tuple[Urdf, Any]:
-    """The description of a ``pinocchio.Model``, its shapes from two ``pinocchio.GeometryModel``, and the model that
-    has one position for each joint: joints without end are ordinary ones without limits. The order of joints stays.
+def read_pinocchio(model: Any, collisions: Any = None, visuals: Any = None) -> tuple[Urdf, Callable[[str], Any]]:
+    """The description of a ``pinocchio.Model``, its shapes from two ``pinocchio.GeometryModel``, and, by its base, the
+    model that has one position for each joint: joints without end are ordinary ones without limits. The order of joints
+    and gravity stay.
 
     Raises:
         ModelError: a joint that is neither revolute nor prismatic, named; nothing that moves.
     """
-    return _Reading(model).robot(collisions, visuals)
+    reading = _Reading(model.copy())
+    return reading.robot(collisions, visuals), reading.of_one_position_each
 
 
 class _Reading:
@@ -58,9 +70,9 @@ class _Reading:
         name = next((f.name for f in frames if f.placement.isIdentity(1e-12)), None)
         return name or (self.model.names[joint] if joint >= self.first else "base")
 
-    def robot(self, collisions: Any, visuals: Any) -> tuple[Urdf, Any]:
+    def robot(self, collisions: Any, visuals: Any) -> Urdf:
         model = self.model
-        links = [Link(self.link_of[i], _inertial(model.inertias[i]) if i else None) for i in self.link_of]
+        links = [Link(link, _inertial(model.inertias[i])) for i, link in self.link_of.items()]
         joints = gathered(self._joint, range(self.first, model.njoints))
         names = {link.name for link in links}
         for frame in model.frames:
@@ -69,12 +81,11 @@ class _Reading:
                 links.append(Link(frame.name))
                 at, parent = _origin(frame.placement), self.link_of[frame.parentJoint]
                 joints.append(Joint(f"{frame.name}_mount", "fixed", parent, frame.name, at))
-        urdf = Urdf(
+        return Urdf(
             model.name or "robot", tuple(links), tuple(joints), self._shapes(visuals), self._shapes(collisions),
             base=Origin() if self.first == 2 else None, left_out=tuple(self.left_out),
             poses={x.key(): self._pose(np.array(x.data())) for x in model.referenceConfigurations},
         )  # fmt: skip
-        return urdf, self._of_one_position_each(urdf)
 
     def _joint(self, i: int) -> Joint:
         model, axis = self.model, self.axes[i - self.first]
@@ -100,22 +111,32 @@ class _Reading:
             pose[BASE] = pose.pop(model.names[1])
         return pose
 
-    def _of_one_position_each(self, urdf: Urdf) -> Any:
-        old, new = self.model, pin.Model()
+    def of_one_position_each(self, base: str) -> Any:
+        """The model on this base, whatever its own is."""
+        old, new, carrier = self.model, pin.Model(), 0
         new.name, new.gravity = old.name, old.gravity
-        for i in range(1, old.njoints):
+        for link, name, kind in _ROOTS[base]:
+            if link:
+                new.addBodyFrame(link, carrier, pin.SE3.Identity(), -1)
+            carrier = new.addJoint(carrier, kind, pin.SE3.Identity(), name)
+            new.addJointFrame(carrier)
+        moved = {self.first - 1: carrier}  # joints of the new model by those of the old one
+        for i in range(self.first, old.njoints):
             kind = old.joints[i]
             if old.nqs[i] == 2:
                 kind = pin.JointModelRevoluteUnaligned(self.axes[i - self.first][3:])
-            new.addJoint(old.parents[i], kind, old.jointPlacements[i], old.names[i])
-            new.appendBodyToJoint(i, old.inertias[i], pin.SE3.Identity())
+            moved[i] = new.addJoint(moved[old.parents[i]], kind, old.jointPlacements[i], old.names[i])
             if not old.existFrame(old.names[i], pin.FrameType.JOINT):
-                new.addJointFrame(i)
+                new.addJointFrame(moved[i])
+        for i, joint in moved.items():
+            new.appendBodyToJoint(joint, old.inertias[i], pin.SE3.Identity())
         for frame in list(old.frames)[1:]:
-            new.addFrame(frame, False)
+            if frame.parentJoint >= self.first or (frame.parentJoint in moved and frame.type != pin.FrameType.JOINT):
+                joint = moved[frame.parentJoint]
+                new.addFrame(pin.Frame(frame.name, joint, 0, frame.placement, frame.type), False)
         for i, link in self.link_of.items():
             if not new.existFrame(link, pin.FrameType.BODY):
-                new.addBodyFrame(link, i, pin.SE3.Identity(), -1)
+                new.addBodyFrame(link, moved[i], pin.SE3.Identity(), -1)
         return new
 
     def _shapes(self, geometry: Any) -> tuple[Geometry, ...]:

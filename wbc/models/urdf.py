@@ -108,8 +108,8 @@ class Urdf:
     file that are not in here.
 
     Raises:
-        ModelError: names given twice, unknown links, a link with two parents, a loop, two trees, nothing that moves,
-            a length, mass or inertia beyond ``LARGEST``.
+        ModelError: names given twice, a joint called "universe", unknown links, a link with two parents, a loop, two
+            trees, nothing that moves, a length, mass or inertia beyond ``LARGEST``.
     """
 
     name: str
@@ -128,6 +128,8 @@ class Urdf:
     def __post_init__(self) -> None:
         _refuse_twice("links", [link.name for link in self.links])
         _refuse_twice("joints", [joint.name for joint in self.joints])
+        if any(joint.name == "universe" for joint in self.joints):
+            raise ModelError("a joint is called 'universe', which is Pinocchio's name for the world; rename it")
         _check_tree([link.name for link in self.links], self.joints)
         if not any(joint.moves for joint in self.joints):
             raise ModelError("no joint moves; a robot has at least one")

@@ -32,11 +32,12 @@ def read_urdf(root: Element, path: Path, *, packages: Iterable[str | Path] = ())
 @final
 @dataclass
 class _Reader:
-    """The pass over one file: where its meshes may lie, its named colours, and the meshes that were not found."""
+    """The pass over one file: where its meshes may lie, its named colours, meshes not found, what else is left out."""
 
     folders: Folders
     colors: dict[str, Color] = field(default_factory=dict)
     missing: dict[str, None] = field(default_factory=dict)
+    left_out: list[str] = field(default_factory=list)
 
     def robot(self, root: Element, path: Path) -> Urdf:
         for material in root.findall("material"):
@@ -57,6 +58,7 @@ class _Reader:
             path=path.resolve(),
             folders=self.folders,
             missing_meshes=tuple(self.missing),
+            left_out=tuple(self.left_out),
         )
 
     def shapes(self, link: Element, role: str) -> Iterable[Geometry]:
@@ -69,7 +71,7 @@ class _Reader:
                 yield Geometry(name, shape, _origin(element, where), self.color(element))
 
     def shape(self, geometry: Element, where: str) -> Shape | None:
-        """None for a mesh that is missing and for kinds that URDF does not define."""
+        """None for a mesh that is missing and for kinds that are not read."""
         for element in geometry:
             if element.tag == "box":
                 return Box(_numbers(element, "size", 3, where, low=0.0))
@@ -83,6 +85,9 @@ class _Reader:
                 if path is not None:
                     return Mesh(path, _numbers(element, "scale", 3, where, (1.0, 1.0, 1.0)))
                 self.missing[reference] = None
+            else:
+                said = f"it is a <{element.tag}>, not a box, sphere, cylinder or mesh"
+                self.left_out.append(f"{where} is left out: {said}")
         return None
 
     def color(self, visual: Element) -> Color | None:
@@ -121,7 +126,8 @@ def _joint(element: Element) -> Joint:
     where = f"joint {name!r}"
     kind = _attribute(element, "type", where)
     if kind not in _KINDS:
-        raise ModelError(f"{where} is {kind!r}; joints may be {', '.join(_KINDS)}")
+        base = f", and a base that moves is load(..., base={kind!r})" if kind in ("floating", "planar") else ""
+        raise ModelError(f"{where} is {kind!r}; joints may be {', '.join(_KINDS)}{base}")
     parent, child = (_attribute(_only(element, role, where), "link", where) for role in ("parent", "child"))
     axis, limit, dynamics, mimic = map(element.find, ("axis", "limit", "dynamics", "mimic"))
     direction = (1.0, 0.0, 0.0) if axis is None else _numbers(axis, "xyz", 3, f"the axis of {where}", (1.0, 0.0, 0.0))
