@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wbc.errors import InvalidInput, NotSupported, UnknownName
-from wbc.models import PlanarPR
+from wbc.models import PlanarPR, load
 from wbc.models.collision import Distances, Obstacle
 from wbc.models.geometry import Box, Cylinder, Mesh, Sphere
 from wbc.testing import moments, robots
@@ -358,6 +358,23 @@ def test_pairs_left_out_as_always_apart_never_come_near(robot: Any, margin: floa
 def _shape_pairs(distances: Distances) -> list[tuple[str, str]]:
     shapes = distances._geometry.geometryObjects
     return [(shapes[p.first].name, shapes[p.second].name) for p in distances._geometry.collisionPairs]
+
+
+@pytest.mark.parametrize("kind", ["prismatic", "revolute"])
+def test_a_joint_without_limits_reaches_everything_on_its_way(tmp_path: Path, kind: str):
+    path = tmp_path / "rail.urdf"
+    path.write_text(
+        f'<robot name="rail"><link name="rail"/><link name="cart"><collision><origin xyz="0 0.5 0"/><geometry><sphere '
+        f'radius="0.1"/></geometry></collision></link><joint name="x" type="{kind}"><parent link="rail"/><child '
+        'link="cart"/><axis xyz="0 0 1"/><limit lower="-inf" upper="inf" effort="1" velocity="1"/></joint></robot>'
+    )
+    with pytest.warns(UserWarning, match="no inertia moves"):
+        robot = load(path)
+    posts = [Obstacle(f"post {z}", Sphere(0.05), at(0.0, 0.5, z)) for z in (1.0, 3.0, 50.0)]
+    circle = [Obstacle(f"angle {a}", Sphere(0.05), at(0.5 * np.sin(a), 0.5 * np.cos(a), 0.0)) for a in (1.0, 3.0)]
+    distances = Distances(robot, obstacles=posts + circle)
+    on_its_way = posts if kind == "prismatic" else circle
+    assert {owner for _, owner in distances.pairs} >= {one.name for one in on_its_way}
 
 
 def test_links_that_overlap_in_the_reference_are_listed():

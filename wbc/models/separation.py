@@ -20,8 +20,8 @@ def always_apart(
 
     A distance changes by no more than each joint's lever times its angle. What holds in the middle of a cell of joint
     positions, less the cell's half widths times the levers, so holds in all of it; cells that say nothing are halved.
-    A pair that is not settled soon, that more than two joints move, or with a shape that is ``moving`` by itself is not
-    in the list.
+    A pair that is not settled soon, that more than two joints move or one that slides without end, or with a shape that
+    is ``moving`` by itself is not in the list.
     """
     memory = model.createData(), geometry.createData()
     first_joint = model.nv - len(q_min)
@@ -34,11 +34,16 @@ def always_apart(
         if not joints or len(joints) > _MOST_JOINTS or any(model.nvs[joint] != 1 for joint in joints):
             continue
         at = [model.idx_vs[joint] - first_joint for joint in joints]
+        turn = np.where([_slides(model, joint) for joint in joints], np.inf, np.pi)
         endless = ~np.isfinite(q_min[at]) | ~np.isfinite(q_max[at])
-        low, high = np.where(endless, -np.pi, q_min[at]), np.where(endless, np.pi, q_max[at])
-        if (low <= high).all() and between.stays_apart(low, high, margin):
+        low, high = np.where(endless, -turn, q_min[at]), np.where(endless, turn, q_max[at])
+        if np.isfinite(high).all() and (low <= high).all() and between.stays_apart(low, high, margin):
             found.append(pin.CollisionPair(pair.first, pair.second))
     return found
+
+
+def _slides(model: Any, joint: int) -> bool:
+    return bool(model.joints[joint].shortname().startswith("JointModelP"))
 
 
 @final
@@ -86,8 +91,8 @@ class _Between:
         levers = np.ones(len(self.joints))
         for k in reversed(range(len(levers))):
             joint = self.joints[k]
-            if self._model.joints[joint].shortname().startswith("JointModelP"):
-                continue  # prismatic
+            if _slides(self._model, joint):
+                continue
             reach = 0.0
             for shape, moved_by in zip(self._shapes, self._moved_by, strict=True):
                 if joint in moved_by:
