@@ -260,6 +260,12 @@ def test_meshes_inside_the_folders_are_found(package: Path, reference: str):
         assert visual.shape.path.is_file() and visual.shape.path.is_relative_to(package)
 
 
+def test_a_package_has_the_name_in_its_package_xml_wherever_it_was_unpacked(package: Path):
+    (package / "package.xml").write_text("<package><name> my_arm </name></package>")
+    (visual,) = load(mesh(package, "package://my_arm/meshes/base.stl")).visuals
+    assert visual.shape.path == package / "meshes/base.stl"
+
+
 def test_a_file_address_inside_the_folder_is_found(package: Path):
     robot = load(mesh(package, f"file://{package}/urdf/own.stl"))
     assert robot.visuals[0].shape.path == package / "urdf/own.stl"

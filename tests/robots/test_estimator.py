@@ -30,6 +30,7 @@ from tests.robots.motions import (
 )  # fmt: skip
 from tests.seeds import generator
 from wbc.errors import InvalidInput, UnknownFrame
+from wbc.models.plausible import ImplausibleUnit
 from wbc.robots import SENSORS, BaseEstimator, ImuNoise
 from wbc.sim.spoiling import RUBBISH, spoilt
 from wbc.types import Mat, Vec
@@ -464,6 +465,13 @@ def test_the_covariance_stays_one_in_a_long_run() -> None:
 def test_what_makes_no_sense_is_refused(make: Any, said: str) -> None:
     with pytest.raises(InvalidInput, match=said):
         make()
+
+
+def test_a_start_with_w_first_is_warned_about() -> None:
+    q = np.array(ROBOT.q0)
+    q[3:7] = [1.0, 0.0, 0.0, 0.0]
+    with pytest.warns(ImplausibleUnit, match="upside down: quaternions are x, y, z, w here"):
+        BaseEstimator(ROBOT).reset(q, np.zeros(18))
 
 
 def test_frames_that_are_not_there_are_refused_by_name() -> None:

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import final
 from urllib.parse import unquote, urlsplit
 
-from wbc.errors import PathRefused
+from wbc.errors import ModelError, PathRefused
+from wbc.models.safe_xml import read_xml
 
 
 @final
@@ -16,8 +17,9 @@ from wbc.errors import PathRefused
 class Folders:
     """``home``, the folder of the URDF, and ``packages``, the folders that ``package://`` stands for.
 
-    A package folder is a package itself (its own name is the package's) or holds packages. Files are read inside
-    these folders only, links resolved: a description is a file from somewhere, and must not reach the rest of a disk.
+    A package folder is a package itself (the package has its name or the one in its package.xml) or holds packages.
+    Files are read inside these folders only, links resolved: a description is a file from somewhere, and must not reach
+    the rest of a disk.
 
     Example:
         >>> from wbc.models.folders import Folders
@@ -71,5 +73,13 @@ class Folders:
         if scheme != "package":
             raise PathRefused(f"{reference!r} is not a file; meshes are read from paths, file:// and package://")
         package, _, rest = f"{host}/{rest.lstrip('/')}".lstrip("/").partition("/")
-        inside = [folder / rest for folder in self.packages if folder.name == package]
+        inside = [folder / rest for folder in self.packages if package == folder.name or package == _told(folder)]
         return inside + [folder / package / rest for folder in self.packages]
+
+
+def _told(folder: Path) -> str:
+    """What the package in a folder is called, by its package.xml; folders of a clone or an archive have other names."""
+    try:
+        return (read_xml(folder / "package.xml", "package").findtext("name") or "").strip()
+    except ModelError:
+        return ""

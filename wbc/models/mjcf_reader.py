@@ -287,7 +287,7 @@ class _Translation:
             low, high = low + float(ends[0]), high + float(ends[1])
         if m.jnt_actfrclimited[joint]:
             low, high = map(float, np.clip((low, high), *m.jnt_actfrcrange[joint]))
-        effort = max(min(-low, high), 0.0)
+        effort = max(0.0, min(-low, high))
         if -low != high:
             given = f"joint {self.joint(joint)!r} is driven with {low:g} to {high:g}"
             self.left_out.append(f"{given}, of which what is beyond ±{effort:g} is left out")

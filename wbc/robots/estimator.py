@@ -54,6 +54,7 @@ from wbc import checks
 from wbc.arguments import TellsArguments
 from wbc.compiled import Memory
 from wbc.errors import InvalidInput
+from wbc.models import plausible
 from wbc.models.feet import Foot
 from wbc.models.model import RobotModel
 from wbc.robots.compiled.estimate_kernel import BEFORE, GAP, LAYOUT, NOW, PARTS, STEP, foresee, settle
@@ -200,12 +201,15 @@ class BaseEstimator(metaclass=TellsArguments):
     def reset(self, q: Any, v: Any) -> None:
         """Begin at q (nq,), v (nv,): its position and heading are those that all later estimates are in.
 
+        A quaternion that looks like w x y z is warned about (:class:`~wbc.models.plausible.ImplausibleUnit`).
+
         Raises:
             InvalidInput: wrong shape, not finite, or a quaternion that is not of length 1 within 1e-6.
         """
         q, v = checks.array("q", q, (self.robot.nq,)), checks.array("v", v, (self.robot.nv,))
         if abs(np.linalg.norm(q[3:7]) - 1.0) > 1e-6:
             raise InvalidInput(f"q[3:7] is a quaternion of length {np.linalg.norm(q[3:7]):g}; it must be 1")
+        plausible.upright(self.robot, "q", q)
         e, turn = self._estimate, rotation(q[3:7])
         self._state.update(0.0, q, v)
         feet = np.mean([frame.position for frame in self._frames], axis=0)
