@@ -107,6 +107,17 @@ def test_limits_that_are_not_given_are_infinite(tmp_path: Path):
     assert robot.limits.v_max[0] == robot.limits.tau_max[0] == np.inf
 
 
+@pytest.mark.parametrize("huge", ["1.1e8", "1e16", "3.4e38", "1.8e308"])
+def test_limits_that_no_state_can_reach_are_none(tmp_path: Path, huge: str):
+    """Gazebo writes 1e16: random configurations and searches would begin there."""
+    limit = f'lower="-{huge}" upper="{huge}" effort="{huge}" velocity="{huge}"'
+    robot = load(written(tmp_path, hinge("swing", limit), hinge("knee", SANE)))
+    for values in vars(robot.limits).values():
+        assert np.isinf(values[0]) and np.isfinite(values[1])
+    q = [robot.random_configuration(np.random.default_rng(seed)) for seed in range(20)]
+    assert 1.0 < np.abs(q).max() <= np.pi
+
+
 def test_mimic_joints_move_by_themselves_and_this_is_said(tmp_path: Path):
     joints = [hinge("first", SANE), hinge("second", SANE, extra='<mimic joint="first"/>')]
     with pytest.warns(UserWarning, match=r"'second' mimics 'first'; here each moves on its own until .*mimic_joints"):

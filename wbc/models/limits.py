@@ -16,8 +16,8 @@ from wbc.types import Vec
 class Limits(metaclass=TellsArguments):
     """Limits of each joint, (nj,) each: position [rad, m], speed [rad/s, m/s], torque [N m, N]; ±inf: none.
 
-    The numbers are the model's own, even where they make no sense (a speed limit of 0 in a URDF):
-    the limit that uses them refuses them by joint name.
+    The numbers are the model's own, even where they make no sense (a speed limit of 0 in a URDF): the limit that uses
+    them refuses them by joint name. Those of a file beyond 1e8, as Gazebo writes 1e16, are none.
     """
 
     q_min: Vec

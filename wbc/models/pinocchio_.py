@@ -20,6 +20,7 @@ from wbc.models.model import RobotModel
 from wbc.models.poses import BASE
 from wbc.models.urdf import Joint, Urdf
 from wbc.models.views import frozen
+from wbc.tolerances import HUGE
 from wbc.types import Vec
 
 Base = Literal["fixed", "floating", "planar"]
@@ -246,8 +247,8 @@ def _build(urdf: Urdf, base: str) -> Any:
 
 
 def _limits(joints: Sequence[Joint]) -> Limits:
-    fields = ("lower", "upper", "velocity", "effort")
-    return Limits(*(frozen(np.array([getattr(joint, key) for joint in joints])) for key in fields))
+    given = (np.array([getattr(joint, key) for joint in joints]) for key in ("lower", "upper", "velocity", "effort"))
+    return Limits(*(frozen(np.where(np.abs(x) > HUGE, np.copysign(np.inf, x), x)) for x in given))
 
 
 def _rest(limits: Limits) -> Vec:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import inf, isfinite
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +17,6 @@ from wbc.models.poses import BASE
 from wbc.models.urdf import Inertial, Joint, JointKind, Link, Urdf, gathered
 from wbc.types import Vec
 
-#: Limits beyond this [rad, m, ...] are none.
-_ENDLESS = 1e20
 _LINKS = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
 #: Joints before the robot's own, by base, each with the link that it stands on; names as ``Urdf.on_plane`` has them.
 _ROOTS = {
@@ -99,8 +97,8 @@ class _Reading:
         )
         return Joint(
             model.names[i], kind, self.link_of[model.parents[i]], self.link_of[i], _origin(model.jointPlacements[i]),
-            triple(axis[:3] if slides else axis[3:]), _limit(lower), _limit(upper),
-            velocity=_limit(model.velocityLimit[v]), effort=_limit(model.effortLimit[v]),
+            triple(axis[:3] if slides else axis[3:]), float(lower), float(upper),
+            velocity=float(model.velocityLimit[v]), effort=float(model.effortLimit[v]),
             damping=float(model.damping[v]), friction=float(model.friction[v]), armature=float(model.armature[v]),
         )  # fmt: skip
 
@@ -181,7 +179,3 @@ def _inertial(inertia: Any) -> Inertial | None:
 
 def _origin(placement: Any) -> Origin:
     return Origin.of(placement.translation, placement.rotation)
-
-
-def _limit(value: float) -> float:
-    return float(value) if isfinite(value) and abs(value) < _ENDLESS else float(np.copysign(inf, value))
