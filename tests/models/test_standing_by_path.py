@@ -17,7 +17,7 @@ from tasks import CenterOfMass, Orientation, Position, Posture, TorqueLimits, fe
 from tests.scenarios.test_standing import needs_examples
 from wbc.errors import InvalidInput, ModelError, NotSupported, UnknownConfiguration, UnknownFrame, UnknownJoint
 from wbc.models import load
-from wbc.models.catalogue import example_robots
+from wbc.models.catalogue import OWN_ROBOTS, example_robots
 from wbc.models.feet import Foot, Guessed
 from wbc.models.geometry import Box, Geometry, Mesh, Origin
 from wbc.models.pinocchio_ import PinocchioModel
@@ -148,6 +148,20 @@ def test_feet_are_given_by_frame_or_whole():
     ):
         with pytest.raises(InvalidInput, match=sentence):
             load(path, feet=wrong)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("frame", "leans"), [("left_sole", False), ("left_thigh", False), ("sideways", True)])
+def test_a_sole_whose_frame_does_not_look_up_is_said(tmp_path: Path, frame: str, leans: bool):
+    path = tmp_path / "humanoid.urdf"
+    more = (
+        '<link name="sideways"/><joint name="turned" type="fixed"><origin rpy="0 1.57 0"/><parent link="left_sole"/>'
+        '<child link="sideways"/></joint></robot>'
+    )
+    path.write_text((OWN_ROBOTS / "humanoid.urdf").read_text().replace("</robot>", more))
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        load(path, base="floating", feet=[Foot(frame, "sole", 0.6, half_size=(0.1, 0.05))])
+    assert any(f"z axis of its frame {frame!r}, which leans by 90°" in str(one.message) for one in told) == leans
 
 
 def test_an_arm_that_floats_has_no_feet():

@@ -78,7 +78,7 @@ def load(
 
     ``packages`` are further folders that ``package://`` and ``../`` in a file may lead to; meshes, and what an MJCF
     file includes, are taken from the file's own folder, its ROS package and these, never from elsewhere. Meshes that
-    are missing, limits that make no sense, mimic joints, inertias that no body has
+    are missing, limits that make no sense, mimic joints, soles that do not look up, inertias that no body has
     (:class:`~wbc.models.plausible.ImplausibleInertia`), and a ``q0`` that looks like degrees
     (:class:`~wbc.models.plausible.ImplausibleUnit`) are warned about.
 
@@ -106,7 +106,7 @@ def load(
     if feet is not None:
         wanted.feet = _listed("feet", feet, str | Foot, "a frame or a Foot")
     loaded = wanted.robot(urdf, None if built is None else built(wanted.base), srdf, q0)
-    oddities = urdf.oddities()
+    oddities = urdf.oddities() + _fallen(loaded)
     if loaded.weightless:
         oddities.insert(0, f"no inertia moves with {_few(loaded.weightless)}, so there is kinematics and no dynamics")
     guessed = wanted.guessed if name is None else []  # of robots that are known by name it is known
@@ -335,6 +335,19 @@ def _is_within_limits(robot: PinocchioModel, pose: NamedPose) -> bool:
     q, limits = _posed(robot, pose)[robot.nq - robot.nj :], robot.limits
     sane = limits.q_min < limits.q_max
     return bool(((limits.q_min <= q) & (q <= limits.q_max) | ~sane).all())
+
+
+def _fallen(robot: PinocchioModel) -> list[str]:
+    """Sentences on soles whose normal, the z axis of their frame, is not up where a free robot stands."""
+    state, found = robot.state(), []
+    for frame in (foot.frame for foot in robot.feet.values() if robot.nb and foot.half_size is not None):
+        lean = float(np.arccos(np.clip(state.frame(frame).rotation[2, 2], -1.0, 1.0)))
+        if lean > _FALLS:
+            found.append(
+                f"the normal of a sole is the z axis of its frame {frame!r}, which leans by {np.degrees(lean):.0f}° in "
+                "q0 (of a frame alone the sole is measured)"
+            )
+    return found
 
 
 def _levelled(robot: PinocchioModel, q: Vec) -> Vec:
