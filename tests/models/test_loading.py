@@ -312,6 +312,22 @@ def test_a_robot_is_changed_by_making_another():
         robot.replace(limits=replace(robot.limits, tau_max=np.full(7, np.nan)))
 
 
+@pytest.mark.parametrize("length", [0.0, 0.5, 1.001])
+def test_a_configuration_whose_quaternion_is_none_is_refused(length: float):
+    """Its rotation would be none either, and M and the height of the feet with it."""
+    robot = load("quadruped")
+    q = np.array(robot.q0)
+    q[3:7] *= length
+    for give in (
+        lambda: load("quadruped", q0=q),
+        lambda: robot.replace(q0=q),
+        lambda: robot.replace(configurations={"odd": q}),
+        lambda: robot.on_ground(q),
+    ):
+        with pytest.raises(InvalidInput, match=rf"\[3:7\] is a quaternion of length {length:g}; it must be 1"):
+            give()
+
+
 def test_unknown_robots_are_answered_with_near_ones():
     with pytest.raises(UnknownRobot, match="no robot 'quadrupet'; did you mean 'quadruped'"):
         load("quadrupet")

@@ -20,7 +20,7 @@ from wbc.models import plausible
 from wbc.models.catalogue import EXAMPLES, OWN, OWN_ROBOTS, Entry, example_robots
 from wbc.models.feet import Foot, Guessed
 from wbc.models.mjcf_reader import read_compiled, read_mjcf
-from wbc.models.poses import BASE, NamedPose, read_poses, srdf_beside, standing
+from wbc.models.poses import BASE, NamedPose, configuration, read_poses, srdf_beside, standing
 from wbc.models.safe_xml import read_xml
 from wbc.models.urdf import Joint, Urdf
 from wbc.models.urdf_reader import read_urdf
@@ -106,7 +106,8 @@ def load(
     if feet is not None:
         wanted.feet = _listed("feet", feet, str | Foot, "a frame or a Foot")
     loaded = wanted.robot(urdf, None if built is None else built(wanted.base), srdf, q0)
-    oddities = urdf.oddities() + _fallen(loaded)
+    is_whole = q0 is not None and not isinstance(q0, str | Mapping)
+    oddities = urdf.oddities() + ([] if is_whole else _fallen(loaded))
     if loaded.weightless:
         oddities.insert(0, f"no inertia moves with {_few(loaded.weightless)}, so there is kinematics and no dynamics")
     guessed = wanted.guessed if name is None else []  # of robots that are known by name it is known
@@ -218,7 +219,7 @@ class _Wanted:
         robot = PinocchioModel(urdf, base=self.base, name=self.name, model=model)
         poses = dict(urdf.poses) | self._named(robot, srdf)
         whole = q0 is not None and not isinstance(q0, str | Mapping)
-        q = checks.array("q0", q0, (robot.nq,)) if whole else _posed(robot, self._pose(robot, poses, q0))
+        q = configuration(robot, "q0", q0) if whole else _posed(robot, self._pose(robot, poses, q0))
         measured = Measured(robot, q)
         feet = self.entry.feet if self.feet is None else self.feet
         if feet is None and self.base == "floating":

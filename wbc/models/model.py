@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from wbc import checks
 from wbc.errors import InvalidInput, UnknownFrame, UnknownJoint
 from wbc.models.limits import Limits, finite_interval
+from wbc.models.poses import configuration
 from wbc.models.views import JointMemory, Known, frozen, matrix, view
 from wbc.types import Mat, Vec
 
@@ -118,11 +119,11 @@ class RobotModel(Known):
         """The same robot with another reference configuration (nq,) or other limits.
 
         Raises:
-            InvalidInput: a wrong size, NaN in ``q0``.
+            InvalidInput: a wrong size, NaN in ``q0``, or a quaternion in it that is not of length 1.
         """
         other = copy.copy(self)
         if q0 is not None:
-            other.q0 = frozen(checks.array("q0", q0, (self.nq,)))
+            other.q0 = frozen(configuration(self, "q0", q0))
             other.__dict__.pop("weightless", None)
         if limits is not None:
             given = ((key, getattr(limits, key)) for key in ("q_min", "q_max", "v_max", "tau_max"))

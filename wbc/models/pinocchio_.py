@@ -17,7 +17,7 @@ from wbc.models.feet import Foot
 from wbc.models.geometry import Geometry
 from wbc.models.limits import Limits, finite_interval
 from wbc.models.model import RobotModel
-from wbc.models.poses import BASE
+from wbc.models.poses import BASE, configuration
 from wbc.models.urdf import Joint, Urdf
 from wbc.models.views import frozen
 from wbc.tolerances import HUGE
@@ -163,7 +163,7 @@ class PinocchioModel(RobotModel):
             >>> float(robot.on_ground(robot.configuration({"front_left_knee": -1.6}))[2].round(3))
             0.245
         """
-        q = np.array(checks.array("q", q, (self.nq,)))
+        q = np.array(configuration(self, "q", q))
         if self.nb and self.feet:
             q[2] -= self._lowest(q)
         return q
@@ -175,7 +175,7 @@ class PinocchioModel(RobotModel):
         """The same robot with another reference configuration, other limits or other named configurations.
 
         Raises:
-            InvalidInput: a wrong size, NaN in ``q0``.
+            InvalidInput: a wrong size, NaN in ``q0``, or a quaternion that is not of length 1.
 
         Example:
             >>> from dataclasses import replace
@@ -188,8 +188,7 @@ class PinocchioModel(RobotModel):
         other = super().replace(q0=q0, limits=limits)
         if configurations is not None:
             other.configurations = {
-                name: frozen(checks.array(f"configurations[{name!r}]", q, (self.nq,)))
-                for name, q in configurations.items()
+                name: frozen(configuration(self, f"configurations[{name!r}]", q)) for name, q in configurations.items()
             }
         return other
 

@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from math import isfinite
 from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
 
 from wbc import checks
-from wbc.errors import ModelError
+from wbc.errors import InvalidInput, ModelError
 from wbc.models.safe_xml import read_xml
+from wbc.types import Vec
 
 #: Positions by joint; one number, two (cosine and sine) of a joint without end, seven of a base that floats.
 NamedPose = Mapping[str, Sequence[float]]
@@ -16,6 +20,26 @@ NamedPose = Mapping[str, Sequence[float]]
 BASE = "root_joint"
 #: How configurations in which robots stand are called, or begin to be called; the first that there is.
 _STANDING = ("half_sitting", "standing", "stand", "home", "homing", "default")
+
+
+class Sized(Protocol):
+    """A robot of ``nq`` numbers, of which a floating base (``nb`` 6) has the first seven."""
+
+    nq: int
+    nb: int
+
+
+def configuration(model: Sized, name: str, q: Any) -> Vec:
+    """The configuration (nq,) that is given as an argument of that name.
+
+    Raises:
+        InvalidInput: wrong shape, not finite, or a quaternion that is not of length 1 within 1e-6.
+    """
+    found: Vec = checks.array(name, q, (model.nq,))
+    length = float(np.linalg.norm(found[3:7]))
+    if model.nb and abs(length - 1.0) > 1e-6:
+        raise InvalidInput(f"{name}[3:7] is a quaternion of length {length:g}; it must be 1")
+    return found
 
 
 def read_poses(path: Path) -> dict[str, dict[str, list[float]]]:

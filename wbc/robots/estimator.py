@@ -57,6 +57,7 @@ from wbc.errors import InvalidInput
 from wbc.models import plausible
 from wbc.models.feet import Foot
 from wbc.models.model import RobotModel
+from wbc.models.poses import configuration
 from wbc.robots.compiled.estimate_kernel import BEFORE, GAP, LAYOUT, NOW, PARTS, STEP, foresee, settle
 from wbc.robots.device import rotation
 from wbc.robots.invariant_filter import ImuNoise, made, start
@@ -206,9 +207,7 @@ class BaseEstimator(metaclass=TellsArguments):
         Raises:
             InvalidInput: wrong shape, not finite, or a quaternion that is not of length 1 within 1e-6.
         """
-        q, v = checks.array("q", q, (self.robot.nq,)), checks.array("v", v, (self.robot.nv,))
-        if abs(np.linalg.norm(q[3:7]) - 1.0) > 1e-6:
-            raise InvalidInput(f"q[3:7] is a quaternion of length {np.linalg.norm(q[3:7]):g}; it must be 1")
+        q, v = configuration(self.robot, "q", q), checks.array("v", v, (self.robot.nv,))
         plausible.upright(self.robot, "q", q)
         e, turn = self._estimate, rotation(q[3:7])
         self._state.update(0.0, q, v)

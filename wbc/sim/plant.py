@@ -14,6 +14,7 @@ from wbc import checks
 from wbc.arguments import TellsArguments
 from wbc.errors import InvalidInput, NotSupported, SimulationError
 from wbc.models.model import RobotModel
+from wbc.models.poses import configuration
 from wbc.stack.contact import Contact
 from wbc.types import Vec
 
@@ -103,12 +104,8 @@ class Plant(metaclass=TellsArguments):
         Raises:
             InvalidInput: wrong shape, not finite, or a quaternion that is not of length 1 within 1e-6.
         """
-        q = checks.array("q", q, (self.model.nq,))
+        q = configuration(self.model, "q", q)
         v = np.zeros(self.model.nv) if v is None else checks.array("v", v, (self.model.nv,))
-        if self.model.nb:
-            length = float(np.linalg.norm(q[3:7]))
-            if abs(length - 1.0) > 1e-6:
-                raise InvalidInput(f"q[3:7] is a quaternion of length {length:g}; it must be 1")
         self._start, self._steps = checks.number("t", t), 0
         self._pushed = np.zeros(3)
         self._place(q, v)
