@@ -260,6 +260,14 @@ def test_meshes_inside_the_folders_are_found(package: Path, reference: str):
         assert visual.shape.path.is_file() and visual.shape.path.is_relative_to(package)
 
 
+def test_a_file_of_macros_says_how_to_expand_them(tmp_path: Path):
+    path = write(tmp_path, robot('<x:include xmlns:x="http://www.ros.org/wiki/xacro" filename="arm"/>' + LINKS + HINGE))
+    assert load(path).nj == 1  # what is left over in a file that was expanded
+    path = path.rename(tmp_path / "arm.urdf.xacro")
+    with pytest.raises(ModelError, match=r"run xacro arm\.urdf\.xacro > arm\.urdf"):
+        load(path)
+
+
 def test_a_package_has_the_name_in_its_package_xml_wherever_it_was_unpacked(package: Path):
     (package / "package.xml").write_text("<package><name> my_arm </name></package>")
     (visual,) = load(mesh(package, "package://my_arm/meshes/base.stl")).visuals

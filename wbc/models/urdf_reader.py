@@ -26,6 +26,8 @@ def read_urdf(root: Element, path: Path, *, packages: Iterable[str | Path] = ())
         ModelError: it is not a robot; the message says what is wrong.
         PathRefused: a mesh outside the folders.
     """
+    if path.suffix == ".xacro" and any("xacro" in element.tag for element in root.iter()):
+        raise ModelError(f"macros are not expanded; run xacro {path.name} > {path.stem.removesuffix('.urdf')}.urdf")
     return _Reader(Folders.around(path.parent, packages)).robot(root, path)
 
 
