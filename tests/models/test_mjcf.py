@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -331,6 +332,27 @@ def test_what_is_left_out_is_said(tmp_path):
     assert "the damping of joint 'hinge' beyond its linear part is left out" in text
     assert "tendon 'cord' is left out" in text
     assert "actuator 'winch' is left out: it moves no joint" in text
+
+
+@pytest.mark.parametrize("in_memory", [False, True])
+@pytest.mark.parametrize(
+    ("option", "said"),
+    [
+        ('<option gravity="0 -9.81 0" timestep="0.01"/>', "gravity (0.0, -9.81, 0.0) m/s² is left out"),
+        ('<option><flag gravity="disable" contact="disable"/></option>', "gravity (0.0, 0.0, 0.0) m/s² is left out"),
+        ('<option gravity="0 0 -9.80665"/>', ""),
+        ("", ""),
+    ],
+)
+def test_another_gravity_is_left_out_and_said(tmp_path, option, said, in_memory):
+    path = tmp_path / "robot.xml"
+    path.write_text(simple(more=option))
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        robot = wbc.load(mujoco.MjModel.from_xml_path(str(path)) if in_memory else path)
+    assert robot.gravity.tolist() == [0.0, 0.0, -9.81]
+    sentences = " ".join(str(one.message) for one in told)
+    assert said in sentences and ("gravity" in sentences) == bool(said)
 
 
 def test_arms_bolted_to_one_world_are_one_robot(tmp_path):

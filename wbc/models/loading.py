@@ -73,8 +73,8 @@ def load(
     MJCF (root element ``<mujoco>``) is compiled by MuJoCo, the extra ``sim``, after the checks that URDF passes: trees
     of hinges and slides with at most one free joint; bodies and named sites are frames (a site named as a body is
     ``<name>_site``), armature is part of M, equal joints are mimic joints, and bodies that are joined are loops
-    (``wbc.tasks.mimic_joints``, ``loop_closures``). Springs and tendons are left out with a warning. Options and what
-    stands still or lies about in the world are not the robot's.
+    (``wbc.tasks.mimic_joints``, ``loop_closures``). Springs, tendons and another gravity than 9.81 m/s² along −z are
+    left out with a warning. Other options and what stands still or lies about in the world are not the robot's.
 
     ``packages`` are further folders that ``package://`` and ``../`` in a file may lead to; meshes, and what an MJCF
     file includes, are taken from the file's own folder, its ROS package and these, never from elsewhere. Meshes that

@@ -29,6 +29,8 @@ from wbc.models.urdf import Inertial, Joint, JointKind, Link, Loop, Urdf, gather
 from wbc.types import Mat, Vec
 
 WORLD = "world"
+#: Gravity that differs by less from 9.81 m/s² is that of another place on Earth, or rounded.
+_GRAVITY = 0.1
 #: Geometry groups that viewers draw unless told otherwise.
 _DRAWN = 3
 
@@ -150,7 +152,10 @@ class _Translation:
         return str(self.m.jnt(index).name) or f"joint_{index}"
 
     def _refuse_and_leave_out(self) -> None:
-        m = self.m
+        m, ours = self.m, np.array([0.0, 0.0, -9.81])
+        gravity = np.zeros(3) if m.opt.disableflags & self.mj.mjtDisableBit.mjDSBL_GRAVITY else m.opt.gravity
+        if np.abs(gravity - ours).max() > _GRAVITY:
+            self.left_out.append(f"gravity {triple(gravity)} m/s² is left out: here it is {triple(ours)}")
         for tendon in range(m.ntendon):
             name = m.tendon(tendon).name
             if m.tendon_armature[tendon]:

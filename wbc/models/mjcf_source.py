@@ -65,9 +65,12 @@ class MjcfSource:
         for section in self.root:
             if section.tag not in _ROBOT | _SCENE:
                 raise ModelError(f"<{section.tag}> is not supported; a robot is {', '.join(sorted(_ROBOT))}")
+        for option in (*self.root.findall("option"), *self.root.findall("option/flag")):  # of these gravity is read
+            option.attrib = {key: value for key, value in option.attrib.items() if key == "gravity"}
         self._remove(
             lambda parent, child: (
-                child.tag in _SCENE
+                (child.tag in _SCENE and child.tag != "option")
+                or (parent.tag == "option" and child.tag != "flag")
                 or child.tag in ("camera", "light", "layer")
                 or (parent.tag == "asset" and child.tag not in ("mesh", "material"))
             )
