@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import warnings
+from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pinocchio
@@ -18,9 +20,10 @@ from tasks.scenarios.quadruped_stand import STANCES as QUADRUPED_STANCES
 from tasks.scenarios.standing import standing_stack
 from wbc.errors import InvalidInput, NotSupported, SimulationError, UnknownFrame
 from wbc.models import load
+from wbc.models.catalogue import OWN_ROBOTS
 from wbc.sim.engine import PhysicsSettings
 from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.plant import ForwardDynamicsPlant
+from wbc.sim.plant import Delivered, ForwardDynamicsPlant
 from wbc.sim.simulate import MissingContact, simulate
 
 mujoco = pytest.importorskip("mujoco", reason="the extra `sim`")
@@ -370,3 +373,23 @@ def test_a_plant_that_lacks_contacts_of_the_stack_is_warned_about():
         for contact in stack.contacts:
             assert (contact.name in "".join(told)) == (contact in missing)
         assert all(one.filename == __file__ for one in said)
+
+
+@pytest.mark.parametrize("base", ["fixed", "floating", "planar"])
+@pytest.mark.parametrize("link", ["trunk", "front_left_thigh"])
+def test_a_link_may_be_called_world(tmp_path: Path, base: Any, link: str):
+    """MuJoCo takes a link of that name for its own world, and a base of that name would not move."""
+    path = tmp_path / "robot.urdf"
+    text = (OWN_ROBOTS / "quadruped.urdf").read_text()
+    assert f'"{link}"' in text
+    moved = []
+    for name in (link, "world"):
+        path.write_text(text.replace(f'"{link}"', f'"{name}"'))
+        robot = load(path, base=base, feet=[])
+        plant = MujocoPlant(robot)
+        plant.reset(robot.q0, 0.1 * np.ones(robot.nv))
+        still = np.zeros(robot.nv)
+        for _ in range(5):
+            plant.step(Delivered(np.zeros(robot.nj), still, still, plant.q))
+        moved.append(plant.q)
+    np.testing.assert_allclose(*moved, atol=1e-12)

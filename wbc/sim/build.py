@@ -8,6 +8,7 @@ inertia that the engine refuses, the sum over all that is fixed together is the 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,7 @@ from wbc.sim.welds import Weld, add_welds
 _COMPILER = (
     '<mujoco><compiler fusestatic="false" balanceinertia="false" discardvisual="false" strippath="false"/></mujoco>'
 )
-FLOOR = "floor"
+FLOOR, _WORLD = "floor", "world"
 
 #: Position limits beyond this [rad, m] are no limits.
 _ENDLESS = 1e20
@@ -48,6 +49,8 @@ def build_model(
     """
     mj = mujoco()
     own = robot.urdf.off_plane() if robot.base == "planar" else robot.urdf
+    if robot.base != "fixed" or any(joint.child == _WORLD for joint in own.joints):
+        own = _apart(own)
     as_it_is = _compiles(mj, own)
     if not as_it_is:
         own = lumped(own)
@@ -72,6 +75,17 @@ def build_model(
     if not as_it_is:
         restore(physics, own)
     return physics
+
+
+def _apart(urdf: Urdf) -> Urdf:
+    """``urdf`` with another name for a link called world, which MuJoCo takes for its own world, where nothing moves."""
+
+    def named(link: str) -> str:
+        return f"{_WORLD}_of_{urdf.name}" if link == _WORLD else link
+
+    links = (replace(link, name=named(link.name)) for link in urdf.links)
+    joints = (replace(joint, parent=named(joint.parent), child=named(joint.child)) for joint in urdf.joints)
+    return replace(urdf, links=tuple(links), joints=tuple(joints))
 
 
 def _text(urdf: Urdf) -> str:
@@ -109,7 +123,7 @@ def _add_floor_and_feet(mj: Any, spec: Any, feet: Sequence[Footprint], settings:
     )
     for foot in feet:
         body = spec.body(foot.link)
-        if body is None:
+        if body is None or body.name == _WORLD:
             raise UnknownFrame(foot.link, [b.name for b in spec.bodies[1:]], "a contact must be on a link")
         # Priority: the friction of a foot is the foot's, whatever the floor's default says.
         common = {"contype": 2, "conaffinity": 1, "mass": 0.0, "priority": 1, "friction": [foot.friction, 0, 0]}
