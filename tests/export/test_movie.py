@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import subprocess
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -16,10 +17,11 @@ from wbc.control.recorder import Run
 from wbc.errors import InvalidInput, NotSupported
 from wbc.export import Camera, movie
 from wbc.export.movie import _rows
-from wbc.export.stage import _opengl
+from wbc.export.stage import _described, _opengl
 from wbc.models import load
 from wbc.models.collision import Obstacle
 from wbc.models.geometry import Sphere
+from wbc.report.shapes import parts
 
 SIZE = (160, 120)
 
@@ -95,6 +97,13 @@ def test_obstacles_are_seen_where_they_are(tmp_path: Path):
     frames, _ = read(movie(run, robot, tmp_path / "a.webp", size=SIZE, fps=10.0, obstacles=[ball]))
     red = [np.argwhere(frame[:, :, 0] - np.maximum(frame[:, :, 1], frame[:, :, 2]) > 60) for frame in frames]
     assert len(red[0]) > 40 and red[-1][:, 0].mean() < red[0][:, 0].mean() - 10
+
+
+def test_what_is_seen_may_be_called_world():
+    mujoco = pytest.importorskip("mujoco")
+    solid = [replace(part, link="world") for part in parts(load("arm"))[:2]]
+    stage = _described(mujoco, solid, (64, 64), 1.0).compile()
+    assert (stage.nbody, stage.nmocap) == (2, 1)
 
 
 def test_each_picture_is_the_tick_nearest_to_its_time():

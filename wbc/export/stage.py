@@ -52,8 +52,9 @@ class Stage:
         spec = _described(mj, solid, size, extent)
         self._model = model = spec.compile()
         self._data = mj.MjData(model)
-        self._links = {link: int(model.body(link).mocapid[0]) for link in dict.fromkeys(part.link for part in solid)}
-        self._bodies = {link: int(model.body(link).id) for link in self._links}
+        bodies = {part.link: model.body(_body(part.link)) for part in solid}
+        self._links = {link: int(body.mocapid[0]) for link, body in bodies.items()}
+        self._bodies = {link: int(body.id) for link, body in bodies.items()}
         self._colours = model.geom_rgba.copy()
         self._scene = mj.MjvScene(model, maxgeom=model.ngeom + MOST_MARKS)
         self._drawing = mj.MjrContext(model, mj.mjtFontScale.mjFONTSCALE_100)
@@ -137,6 +138,11 @@ class Stage:
         return made
 
 
+def _body(link: str) -> str:
+    """What the body of a link is called: not as MuJoCo calls its own world."""
+    return f"link {link}"
+
+
 def _described(mj: Any, solid: Sequence[Part], size: tuple[int, int], extent: float) -> Any:
     """The stage as MuJoCo describes it: a floor of tiles, two lights, a body without weight for every link."""
     spec = mj.MjSpec()
@@ -173,7 +179,7 @@ def _described(mj: Any, solid: Sequence[Part], size: tuple[int, int], extent: fl
     bodies: dict[str, Any] = {}
     for k, part in enumerate(solid):
         if part.link not in bodies:
-            bodies[part.link] = world.add_body(name=part.link, mocap=True)
+            bodies[part.link] = world.add_body(name=_body(part.link), mocap=True)
         if len(part.vertices) < 4:  # MuJoCo takes no triangle for a mesh
             continue
         mesh = spec.add_mesh(
