@@ -334,6 +334,26 @@ def test_what_is_left_out_is_said(tmp_path):
     assert "actuator 'winch' is left out: it moves no joint" in text
 
 
+@pytest.mark.parametrize("base", ["fixed", "planar", "floating"])
+def test_a_free_robot_on_another_base_is_where_it_is_drawn(tmp_path, base):
+    path = tmp_path / "robot.xml"
+    turn = "" if base == "planar" else 'quat="1 2 3 4"'
+    path.write_text(
+        f'<mujoco><worldbody><body name="trunk" pos="0 0 0.4" {turn}><freejoint/><geom size=".1"/><body name="arm" pos='
+        '".1 .2 .3"><joint name="hinge" axis="1 0 0"/><geom size=".1" pos="0 0 1"/></body></body></worldbody></mujoco>'
+    )
+    robot = wbc.load(path, base=base, feet=[])
+    drawn = mujoco.MjData(model := mujoco.MjModel.from_xml_path(str(path)))
+    mujoco.mj_forward(model, drawn)
+    state = robot.state()
+    for body in ("trunk", "arm"):
+        np.testing.assert_allclose(state.frame(body).position, drawn.body(body).xpos, atol=1e-12)
+        np.testing.assert_allclose(state.frame(body).rotation.ravel(), drawn.body(body).xmat, atol=1e-12)
+    plant = MujocoPlant(robot)
+    assert max(plant.agreement.values()) < 1e-9
+    np.testing.assert_allclose(plant.data.body("arm").xpos, drawn.body("arm").xpos, atol=1e-12)
+
+
 @pytest.mark.parametrize("in_memory", [False, True])
 @pytest.mark.parametrize(
     ("option", "said"),

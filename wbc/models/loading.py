@@ -55,7 +55,8 @@ def load(
     Our own robots are "arm", "quadruped" and "humanoid"; "panda", "go2", "g1", "talos" and others need the package
     example-robot-data. ``base`` says how the robot's first link moves: not at all ("fixed", the default for arms and
     files), six velocities ("floating", the default for robots with legs and for an MJCF body with a free joint), or
-    ("planar") three joints ``base_x``, ``base_y`` [m] and ``base_yaw`` [rad] without limits.
+    ("planar") three joints ``base_x``, ``base_y`` [m] and ``base_yaw`` [rad] without limits. What an MJCF draws with a
+    free joint is fixed where it is drawn, or drives at that height.
 
     ``feet``: what the robot stands on: frames, or :class:`~wbc.models.feet.Foot` with its size and friction. A foot
     given by its frame alone is measured on the robot's shapes, a sole or a ball. Default, where the base floats: the
@@ -215,7 +216,7 @@ class _Wanted:
         from wbc.models.pinocchio_ import PinocchioModel
         from wbc.models.soles import Measured
 
-        urdf = urdf.on_plane() if self.base == "planar" else urdf
+        urdf = {"fixed": urdf.on_world, "planar": urdf.on_plane}.get(self.base, lambda: urdf)()
         robot = PinocchioModel(urdf, base=self.base, name=self.name, model=model)
         poses = dict(urdf.poses) | self._named(robot, srdf)
         whole = q0 is not None and not isinstance(q0, str | Mapping)

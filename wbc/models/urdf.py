@@ -152,14 +152,29 @@ class Urdf:
         links = tuple(Link(joint.child) for joint in mounts)
         return replace(self, links=self.links + links, joints=self.joints + tuple(mounts))
 
+    @property
+    def root(self) -> str:
+        """The link that no joint carries."""
+        return next(link.name for link in self.links if all(joint.child != link.name for joint in self.joints))
+
+    def on_world(self) -> Urdf:
+        """The same robot, fixed where the description draws its free base; without one, as it is."""
+        if self.base is None or self.base == IDENTITY:
+            return self
+        mount = Joint("world_mount", "fixed", "world", self.root, self.base)
+        return replace(self, links=(Link("world"), *self.links), joints=(mount, *self.joints))
+
     def on_plane(self) -> Urdf:
-        """The same robot on three joints without limits: ``base_x``, ``base_y`` [m] and ``base_yaw`` [rad]."""
+        """The same robot on three joints without limits, ``base_x``, ``base_y`` [m] and ``base_yaw`` [rad], as high as
+        the description draws a free base."""
         names = ("base_x", "base_y", "base_yaw")
-        root = next(link.name for link in self.links if all(joint.child != link.name for joint in self.joints))
         carriers = ("plane", "base_x_link", "base_y_link")
+        height = Origin((0.0, 0.0, 0.0 if self.base is None else self.base.xyz[2]))
         joints = tuple(
-            Joint(name, "continuous" if name == "base_yaw" else "prismatic", parent, child, axis=axis)
-            for name, parent, child, axis in zip(names, carriers, (*carriers[1:], root), _XYZ, strict=True)
+            Joint(name, "continuous" if name == "base_yaw" else "prismatic", parent, child, origin, axis)
+            for name, parent, child, origin, axis in zip(
+                names, carriers, (*carriers[1:], self.root), (height, IDENTITY, IDENTITY), _XYZ, strict=True
+            )
         )
         return replace(self, links=(*map(Link, carriers), *self.links), joints=(*joints, *self.joints))
 

@@ -101,6 +101,7 @@ def _compiles(mj: Any, urdf: Urdf) -> bool:
 
 
 def _add_plane(mj: Any, spec: Any, urdf: Urdf) -> None:
+    spec.worldbody.first_body().pos = urdf.joints[0].origin.xyz
     for joint in urdf.joints[:3]:
         kind = mj.mjtJoint.mjJNT_SLIDE if joint.kind == "prismatic" else mj.mjtJoint.mjJNT_HINGE
         spec.worldbody.first_body().add_joint(name=joint.name, type=kind, axis=joint.axis)
