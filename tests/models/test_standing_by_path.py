@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -162,6 +163,40 @@ def test_a_sole_whose_frame_does_not_look_up_is_said(tmp_path: Path, frame: str,
         warnings.simplefilter("always")
         load(path, base="floating", feet=[Foot(frame, "sole", 0.6, half_size=(0.1, 0.05))])
     assert any(f"z axis of its frame {frame!r}, which leans by 90°" in str(one.message) for one in told) == leans
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_order_of_links_in_a_file_says_nothing(tmp_path: Path, seed: int):
+    """The feet are turned against the base, so that their soles get frames of their own, along the base."""
+    path = tmp_path / "robot.urdf"
+    weight = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
+    turned = pin.rpy.rpyToMatrix(np.array([0.3, 0.2, 0.5]))
+    x, y, z = turned.T @ [0.03, 0.0, -0.05]
+    roll, pitch, yaw = pin.rpy.matrixToRpy(turned.T)
+    sole = (
+        f'<collision><origin xyz="{x} {y} {z}" rpy="{roll} {pitch} {yaw}"/><geometry><box size="0.2 0.1 0.02"/>'
+        "</geometry></collision>"
+    )
+    links = [f'<link name="base">{weight}</link>']
+    joints = []
+    for side, where in (("left", 0.1), ("right", -0.1)):
+        links += [f'<link name="{side}_leg">{weight}</link>', f'<link name="{side}_foot">{weight}{sole}</link>']
+        for name, parent, child, at in (
+            ("hip", "base", f"{side}_leg", f'xyz="0 {where} 0"'),
+            ("ankle", f"{side}_leg", f"{side}_foot", 'xyz="0 0 -0.5" rpy="0.3 0.2 0.5"'),
+        ):
+            joints.append(
+                f'<joint name="{side}_{name}" type="revolute"><origin {at}/><parent link="{parent}"/>'
+                f'<child link="{child}"/><limit lower="-1" upper="1" effort="9" velocity="9"/></joint>'
+            )
+    np.random.default_rng(seed).shuffle(links)
+    path.write_text(f'<robot name="biped">{"".join(links + joints)}</robot>')
+    with pytest.warns(Guessed):
+        robot = load(path, base="floating")
+    assert len(robot.feet) == 2
+    for frame, foot in robot.feet.items():
+        assert foot.half_size == pytest.approx((0.1, 0.05))
+        np.testing.assert_allclose(robot.state().frame(frame).rotation, np.eye(3), atol=1e-9)
 
 
 def test_an_arm_that_floats_has_no_feet():

@@ -137,10 +137,9 @@ def inertias(robot: Described) -> list[str]:
         []
     """
     links = {joint.name: joint.child for joint in robot.urdf.joints}
-    root = {joint.child for joint in robot.urdf.joints}
     found = []
     for name, inertia in list(zip(robot.pinocchio.names, robot.pinocchio.inertias, strict=True))[1:]:
-        link = links.get(name) or next(link.name for link in robot.urdf.links if link.name not in root)
+        link = links.get(name, robot.urdf.root)
         mass, moments = float(inertia.mass), np.linalg.eigvalsh(inertia.inertia)
         least, middle, largest = moments.tolist()
         shown = f"principal moments {least:.3g}, {middle:.3g} and {largest:.3g} kg m²"

@@ -164,7 +164,7 @@ class Measured:
 
     def _heading(self) -> Mat:
         """Level axes, x where the base looks."""
-        x, y = self._state.frame(self._links[0]).rotation[:2, 0]
+        x, y = self._state.frame(self._robot.urdf.root).rotation[:2, 0]
         c, s = np.array([x, y]) / (np.hypot(x, y) or 1.0) if np.hypot(x, y) else (1.0, 0.0)
         return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
