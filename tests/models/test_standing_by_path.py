@@ -181,6 +181,10 @@ def test_the_order_of_links_in_a_file_says_nothing(tmp_path: Path, seed: int):
     joints = []
     for side, where in (("left", 0.1), ("right", -0.1)):
         links += [f'<link name="{side}_leg">{weight}</link>', f'<link name="{side}_foot">{weight}{sole}</link>']
+        links.append(f'<link name="{side}_foot_imu"/>')
+        joints.append(
+            f'<joint name="{side}_imu" type="fixed"><parent link="{side}_foot"/><child link="{side}_foot_imu"/></joint>'
+        )
         for name, parent, child, at in (
             ("hip", "base", f"{side}_leg", f'xyz="0 {where} 0"'),
             ("ankle", f"{side}_leg", f"{side}_foot", 'xyz="0 0 -0.5" rpy="0.3 0.2 0.5"'),
@@ -193,7 +197,7 @@ def test_the_order_of_links_in_a_file_says_nothing(tmp_path: Path, seed: int):
     path.write_text(f'<robot name="biped">{"".join(links + joints)}</robot>')
     with pytest.warns(Guessed):
         robot = load(path, base="floating")
-    assert len(robot.feet) == 2
+    assert set(robot.feet) == {"left_foot_foot", "right_foot_foot"}
     for frame, foot in robot.feet.items():
         assert foot.half_size == pytest.approx((0.1, 0.05))
         np.testing.assert_allclose(robot.state().frame(frame).rotation, np.eye(3), atol=1e-9)

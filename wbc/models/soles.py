@@ -41,7 +41,8 @@ class Measured:
         self._robot, self._state = robot, robot.state()
         self._state.update(0.0, q, np.zeros(robot.nv))
         self._joint_of = {name: int(robot.pinocchio.frames[i].parentJoint) for name, i in robot.frames.items()}
-        self._links = [link.name for link in robot.urdf.links]
+        links = {link.name for link in robot.urdf.links}
+        self._links = [name for name in robot.frame_names if name in links]  # from the root on
         self.feet: list[Foot] = []
         self.added: list[Joint] = []
         self._measured_feet: list[Foot] = []
