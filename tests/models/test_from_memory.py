@@ -208,6 +208,20 @@ def test_joints_that_a_robot_cannot_have_are_named(joint: Any, sentence: str):
         load(model)
 
 
+def test_a_free_joint_is_at_the_origin_and_called_as_no_other():
+    model = pin.Model()
+    base = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Random(), "free")
+    model.appendBodyToJoint(base, pin.Inertia.Random(), pin.SE3.Identity())
+    hinge = model.addJoint(base, pin.JointModelRZ(), pin.SE3.Random(), "root_joint")
+    model.appendBodyToJoint(hinge, pin.Inertia.Random(), pin.SE3.Identity())
+    with pytest.raises(ModelError, match="the free joint 'free' is not at the world's origin"):
+        load(model)
+    model.jointPlacements[1] = pin.SE3.Identity()
+    robot = quietly(model)
+    assert robot.joint_names == ("root_joint",) and len(set(robot.pinocchio.names)) == robot.pinocchio.njoints
+    assert_same(robot, model, 0)
+
+
 def test_an_order_that_pinocchio_cannot_compute_with_is_refused():
     model = pin.Model()
     for parent, name in ((0, "a"), (0, "b"), (1, "c")):

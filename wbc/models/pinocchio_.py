@@ -17,7 +17,7 @@ from wbc.models.feet import Foot
 from wbc.models.geometry import Geometry
 from wbc.models.limits import Limits, finite_interval
 from wbc.models.model import RobotModel
-from wbc.models.poses import BASE, configuration
+from wbc.models.poses import configuration, root_joint
 from wbc.models.urdf import Joint, Urdf
 from wbc.models.views import frozen
 from wbc.tolerances import HUGE
@@ -231,12 +231,10 @@ class PinocchioModel(RobotModel):
 
 def _build(urdf: Urdf, base: str) -> Any:
     """The Pinocchio model; joints without end as revolute ones."""
-    text, root, taken = urdf.text(continuous="revolute"), BASE, {joint.name for joint in urdf.joints}
-    while root in taken:  # Pinocchio takes joints of one name for one
-        root += "_"
+    text = urdf.text(continuous="revolute")
     try:
         model = (
-            pin.buildModelFromXML(text, pin.JointModelFreeFlyer(), root)
+            pin.buildModelFromXML(text, pin.JointModelFreeFlyer(), root_joint(joint.name for joint in urdf.joints))
             if base == "floating"
             else pin.buildModelFromXML(text)
         )

@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from wbc.errors import ModelError
 from wbc.models.geometry import Box, Cylinder, Geometry, Mesh, Origin, Shape, Sphere, capsule, triple
-from wbc.models.poses import BASE
+from wbc.models.poses import BASE, root_joint
 from wbc.models.urdf import Inertial, Joint, JointKind, Link, Urdf, gathered
 from wbc.types import Vec
 
@@ -21,7 +21,7 @@ _LINKS = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
 #: Joints before the robot's own, by base, each with the link that it stands on; names as ``Urdf.on_plane`` has them.
 _ROOTS = {
     "fixed": (),
-    "floating": (("", "root_joint", pin.JointModelFreeFlyer()),),
+    "floating": (("", "", pin.JointModelFreeFlyer()),),
     "planar": (
         ("plane", "base_x", pin.JointModelPX()), ("base_x_link", "base_y", pin.JointModelPY()),
         ("base_y_link", "base_yaw", pin.JointModelRZ()),
@@ -35,7 +35,8 @@ def read_pinocchio(model: Any, collisions: Any = None, visuals: Any = None) -> t
     and gravity stay.
 
     Raises:
-        ModelError: a joint that is neither revolute nor prismatic, named; nothing that moves.
+        ModelError: a joint that is neither revolute nor prismatic, named; a free joint that is not at the world's
+            origin, where q of a simulation would be another; nothing that moves.
     """
     reading = _Reading(model.copy())
     return reading.robot(collisions, visuals), reading.of_one_position_each
@@ -46,6 +47,8 @@ class _Reading:
         self.model = model
         kinds = [joint.shortname() for joint in model.joints]
         self.first = 2 if len(kinds) > 1 and kinds[1] == "JointModelFreeFlyer" else 1
+        if self.first == 2 and not model.jointPlacements[1].isIdentity(1e-12):
+            raise ModelError(f"the free joint {model.names[1]!r} is not at the world's origin; place it there")
         odd = [f"{model.names[i]!r} is {kinds[i]}" for i in range(self.first, model.njoints) if model.nvs[i] != 1]
         if odd:
             raise ModelError(f"joint {'; '.join(odd)}: joints turn about or move along one axis, after one free joint")
@@ -116,7 +119,7 @@ class _Reading:
         for link, name, kind in _ROOTS[base]:
             if link:
                 new.addBodyFrame(link, carrier, pin.SE3.Identity(), -1)
-            carrier = new.addJoint(carrier, kind, pin.SE3.Identity(), name)
+            carrier = new.addJoint(carrier, kind, pin.SE3.Identity(), name or root_joint(list(old.names)[self.first :]))
             new.addJointFrame(carrier)
         moved = {self.first - 1: carrier}  # joints of the new model by those of the old one
         for i in range(self.first, old.njoints):

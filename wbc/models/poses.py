@@ -22,6 +22,15 @@ BASE = "root_joint"
 _STANDING = ("half_sitting", "standing", "stand", "home", "homing", "default")
 
 
+def root_joint(joints: Iterable[str]) -> str:
+    """What the joint of a floating base is called: as none of ``joints``, as Pinocchio takes joints of one name for
+    one."""
+    name, taken = BASE, set(joints)
+    while name in taken:
+        name += "_"
+    return name
+
+
 class Sized(Protocol):
     """A robot of ``nq`` numbers, of which a floating base (``nb`` 6) has the first seven."""
 
