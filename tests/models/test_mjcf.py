@@ -334,6 +334,21 @@ def test_what_is_left_out_is_said(tmp_path):
     assert "actuator 'winch' is left out: it moves no joint" in text
 
 
+@pytest.mark.parametrize(
+    ("words", "color"),
+    [("", (0.5, 0.5, 0.5, 1)), ('rgba="0 1 0 1"', (0, 1, 0, 1)), ('material="red"', (1, 0, 0, 1)),
+     ('material="red" rgba="0 1 0 1"', (0, 1, 0, 1))],
+)  # fmt: skip
+def test_a_colour_of_a_shape_is_before_that_of_its_material(tmp_path, words, color):
+    path = tmp_path / "robot.xml"
+    path.write_text(
+        '<mujoco><asset><material name="red" rgba="1 0 0 1"/></asset><worldbody><body name="a"><joint/>'
+        f'<geom size=".1" {words}/></body></worldbody></mujoco>'
+    )
+    (shape,) = wbc.load(path).visuals
+    assert shape.color == color
+
+
 @pytest.mark.parametrize("base", ["fixed", "planar", "floating"])
 def test_a_free_robot_on_another_base_is_where_it_is_drawn(tmp_path, base):
     path = tmp_path / "robot.xml"

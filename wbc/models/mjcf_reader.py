@@ -29,6 +29,8 @@ from wbc.models.urdf import Inertial, Joint, JointKind, Link, Loop, Urdf, gather
 from wbc.types import Mat, Vec
 
 WORLD = "world"
+#: The colour of a geom that has none of its own, as float32.
+_GREY = np.array([0.5, 0.5, 0.5, 1.0])
 #: Gravity that differs by less from 9.81 m/s² is that of another place on Earth, or rounded.
 _GRAVITY = 0.1
 #: Geometry groups that viewers draw unless told otherwise.
@@ -355,7 +357,8 @@ class _Translation:
         body, size = self.body(m.geom_bodyid[geom]), triple(m.geom_size[geom])
         at, R = m.geom_pos[geom], self._matrix(m.geom_quat[geom])
         material = m.geom_matid[geom]
-        color = cast("Color", tuple(map(float, m.geom_rgba[geom] if material < 0 else m.mat_rgba[material])))
+        own = material < 0 or not np.array_equal(m.geom_rgba[geom], _GREY)  # a colour that is not the default's
+        color = cast("Color", tuple(map(float, m.geom_rgba[geom] if own else m.mat_rgba[material])))
         shapes: list[tuple[Shape, Vec]]
         match self.mj.mjtGeom(int(m.geom_type[geom])):
             case kinds.mjGEOM_BOX:
