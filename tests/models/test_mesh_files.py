@@ -12,7 +12,7 @@ import pytest
 import wbc
 from tasks import CollisionAvoidance, Posture
 from wbc.errors import ModelError, WbcError
-from wbc.models.coal_ import coal_shape
+from wbc.models.coal_ import coal_shape, mesh_points
 from wbc.models.collision import Obstacle
 from wbc.models.geometry import Mesh
 from wbc.report.meshes import read_mesh
@@ -69,6 +69,16 @@ def test_a_sound_file_is_read(tmp_path: Path, name: str):
     path.write_bytes(sound()[name])
     shape, middle = coal_shape(Mesh(path, (2.0, 1.0, 1.0)))
     assert shape.num_points == 4 and middle.translation.tolist() == [1.0, 0.5, 0.5]
+
+
+@pytest.mark.parametrize("unit", ["1", "0.0254", "1e-3", " .01 "])
+@pytest.mark.parametrize("words", ['meter="{}"', 'name="inch" meter="{}"', "meter = '{}' name='inch'"])
+def test_what_collides_is_as_large_as_what_is_drawn(tmp_path: Path, unit: str, words: str):
+    path = tmp_path / "mesh.dae"
+    path.write_bytes(sound()["mesh.dae"].replace(b'meter="1"', words.format(unit).encode()))
+    (drawn,) = read_mesh(path)
+    np.testing.assert_allclose(mesh_points(Mesh(path)).max(axis=0), drawn.vertices.max(axis=0), rtol=1e-12)
+    np.testing.assert_allclose(mesh_points(Mesh(path, (2.0, 1.0, 3.0))).max(axis=0), float(unit) * np.array([2, 1, 3]))
 
 
 @pytest.mark.parametrize("spoilt", SPOILT)

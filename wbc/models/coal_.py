@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,8 @@ from wbc.models.geometry import Box, Cylinder, Mesh, Shape, Sphere
 from wbc.models.views import Shared
 from wbc.types import Mat, Vec
 
+#: The unit of a COLLADA file [m].
+_UNIT = re.compile(rb"<unit\s[^>]*?\bmeter\s*=\s*[\"']([^\"']*)")
 #: The largest mesh file that is read [bytes].
 MAX_BYTES = 200_000_000
 
@@ -54,7 +57,7 @@ def coal_shape(shape: Shape) -> tuple[Any, Any]:
 
 
 def mesh_points(mesh: Mesh) -> Mat:
-    """The points of a mesh file (n, 3) [m], scaled.
+    """The points of a mesh file (n, 3) [m], scaled, those of a COLLADA file by its unit too.
 
     Raises:
         ModelError: a mesh file that is missing, empty, cut off, too large or not of its format.
@@ -66,7 +69,8 @@ def mesh_points(mesh: Mesh) -> Mat:
         elif _is_cut_off(mesh.path):
             why = "it is STL as text without its end"
         else:
-            points = np.array(coal.MeshLoader().load(str(mesh.path), np.array(mesh.scale)).vertices())
+            scale = _unit(mesh.path) * np.array(mesh.scale)
+            points = np.array(coal.MeshLoader().load(str(mesh.path), scale).vertices())
             if len(points):
                 return points
             why = "it has no points"
@@ -75,6 +79,12 @@ def mesh_points(mesh: Mesh) -> Mat:
     except (ValueError, RuntimeError) as cause:  # coal says where in its sources; its reader's reason comes last
         why = " ".join(str(cause).split())[-200:] or "it is not of its format"
     raise ModelError(f"the mesh {mesh.path} cannot be read: {why}")
+
+
+def _unit(path: Path) -> float:
+    """The unit of a file [m], which COLLADA has and the reader of coal passes over."""
+    told = _UNIT.search(path.read_bytes()) if path.suffix.lower() == ".dae" else None
+    return 1.0 if told is None else float(told[1])
 
 
 def _is_cut_off(path: Path) -> bool:
