@@ -175,6 +175,15 @@ def test_the_reference_is_zero_or_the_middle_of_limits_without_zero(tmp_path: Pa
     assert robot.q0.tolist() == [0.0, 0.5, -2.0]
 
 
+@pytest.mark.parametrize("locked", [0.5, -2.0])
+def test_a_locked_joint_is_where_it_is_locked(tmp_path: Path, locked: float):
+    path = written(tmp_path, hinge("swing", f'lower="{locked}" upper="{locked}" effort="1" velocity="1"'))
+    with pytest.warns(UserWarning, match="it cannot move"):
+        robot = load(path)
+    assert robot.q0.tolist() == robot.random_configuration(np.random.default_rng(0)).tolist() == [locked]
+    assert robot.configuration({}).tolist() == [locked]
+
+
 def test_a_configuration_is_made_from_joint_names(tmp_path: Path):
     robot = load("humanoid")
     q = robot.configuration({"left_knee": 0.3, "right_knee": 0.4})

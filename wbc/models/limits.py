@@ -27,8 +27,10 @@ class Limits(metaclass=TellsArguments):
 
 
 def finite_interval(limits: Limits, span: Vec) -> tuple[Vec, Vec]:
-    """Position limits, up to 2 span wide where one of them is infinite; ±span where they make no sense."""
-    low, high, sane = limits.q_min, limits.q_max, limits.q_min < limits.q_max
+    """Position limits, up to 2 span wide where one of them is infinite; ±span where they make no sense, and where both
+    are 0, as in a URDF that says nothing."""
+    low, high = limits.q_min, limits.q_max
+    sane = (low < high) | ((low == high) & (low != 0.0))
     low = np.where(np.isfinite(low), low, np.minimum(-span, high - 2 * span))
     high = np.where(np.isfinite(high), high, np.maximum(span, low + 2 * span))
     return np.where(sane, low, -span), np.where(sane, high, span)
