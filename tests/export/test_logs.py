@@ -16,6 +16,7 @@ from wbc.control.recorder import Run
 from wbc.errors import InvalidInput
 from wbc.export import to_mcap, to_rerun
 from wbc.models import load
+from wbc.models.catalogue import OWN_ROBOTS
 
 
 def messages(path: Path) -> dict[str, list[tuple[int, dict]]]:
@@ -76,6 +77,16 @@ def test_an_arrow_of_a_log_lies_along_the_push(logged):
     along = [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)]
     assert np.allclose(along, [0, 1, 0], atol=1e-9) and np.isclose(np.linalg.norm(turn), 1.0)
     assert arrow["shaft_length"] + arrow["head_length"] == pytest.approx(0.5)
+
+
+def test_no_frame_of_a_log_carries_itself(tmp_path: Path):
+    pytest.importorskip("mcap")
+    urdf = tmp_path / "arm.urdf"
+    urdf.write_text((OWN_ROBOTS / "arm.urdf").read_text().replace('"base"', '"world"'))
+    log = messages(to_mcap(reaching_run(), tmp_path / "run.mcap", robot=load(urdf)))
+    frames = [one for _, message in log["/tf"] for one in message["transforms"]]
+    children = {one["child_frame_id"] for one in frames}
+    assert "world" in children and not children & {one["parent_frame_id"] for one in frames}
 
 
 def test_a_log_without_a_robot_has_the_numbers_alone(tmp_path: Path):

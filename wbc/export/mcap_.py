@@ -119,17 +119,18 @@ def _scene(topics: _Topics, content: Log, times: Vec) -> None:
     robot = topics.add("/robot", "foxglove.SceneUpdate", {"deletions": any_list, "entities": any_list})
     drawn = topics.add("/marks", "foxglove.SceneUpdate", {"deletions": any_list, "entities": any_list})
     start = float(times[0])
+    world = f"{WORLD}_of_the_robot" if WORLD in content.poses else WORLD  # frames of one name are one
     meshes = [_entity(f"part {k}", start, part.link, triangles=[_mesh(part)]) for k, part in enumerate(content.solid)]
     topics.write(robot, start, _update(meshes))
     for i, t in enumerate(times.tolist()):
         moved = [
-            {"timestamp": _time(t), "parent_frame_id": WORLD, "child_frame_id": link, "translation": _xyz(pose[i, :3]),
+            {"timestamp": _time(t), "parent_frame_id": world, "child_frame_id": link, "translation": _xyz(pose[i, :3]),
              "rotation": _xyzw(pose[i, 3:])}
             for link, pose in content.poses.items()
         ]  # fmt: skip
         topics.write(tf, t, json.dumps({"transforms": moved}).encode())
         shown = [mark for mark in content.marks if not mark.hidden]
-        topics.write(drawn, t, _update([_entity(mark.label, t, WORLD, **_mark(mark, i)) for mark in shown]))
+        topics.write(drawn, t, _update([_entity(mark.label, t, world, **_mark(mark, i)) for mark in shown]))
 
 
 def _update(entities: list[dict[str, Any]]) -> bytes:
