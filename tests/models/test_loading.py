@@ -252,6 +252,14 @@ def test_shapes_carry_place_size_and_colour(tmp_path: Path):
     assert [g.shape for g in robot.collisions] == [Sphere(0.2)] and robot.collisions[0].color is None
 
 
+def test_a_colour_that_a_shape_names_is_that_of_others_too(tmp_path: Path):
+    shape = '<visual><geometry><sphere radius="1"/></geometry><material name="{}">{}</material></visual>'
+    green, own = '<color rgba="0 1 0 1"/>', '<color rgba="0 0 1 1"/>'
+    inside = "".join(shape.format(*one) for one in (("g", ""), ("g", green), ("g", own), ("none", "")))
+    robot = load(written(tmp_path, hinge("swing", SANE), inside=inside))
+    assert [visual.color for visual in robot.visuals] == [(0, 1, 0, 1), (0, 1, 0, 1), (0, 0, 1, 1), None]
+
+
 def test_origins_turn_about_fixed_axes():
     rpy = (0.3, -0.8, 2.1)
     origin = Origin((1, 2, 3), rpy)

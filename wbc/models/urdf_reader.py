@@ -42,10 +42,10 @@ class _Reader:
     left_out: list[str] = field(default_factory=list)
 
     def robot(self, root: Element, path: Path) -> Urdf:
-        for material in root.findall("material"):
+        for material in (*root.findall("material"), *root.iter("material")):  # a name counts wherever it has a colour
             color = _color(material)
             if color is not None:
-                self.colors[material.get("name", "")] = color
+                self.colors.setdefault(material.get("name", ""), color)
         elements = root.findall("link")
         visuals, collisions = (
             tuple(shape for element in elements for shape in self.shapes(element, role))
