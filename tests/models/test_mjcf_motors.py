@@ -54,3 +54,15 @@ def test_a_torque_limit_is_what_actuators_give_in_both_directions(tmp_path: Path
         robot = wbc.load(path)
     assert robot.limits.tau_max[0] == pytest.approx(max(min(-low, high), 0.0))
     assert any(f"is driven with {low:g} to {high:g}" in str(one.message) for one in told) == (low != -high)
+
+
+def test_an_actuator_of_the_free_base_is_left_out_and_said(tmp_path: Path):
+    path = tmp_path / "thruster.xml"
+    path.write_text(
+        '<mujoco><worldbody><body name="a"><freejoint name="base"/><geom size=".1"/><body name="b"><joint name="x"/>'
+        '<geom size=".1"/></body></body></worldbody><actuator><motor name="thrust" joint="base" gear="0 0 1 0 0 0" '
+        'ctrlrange="0 9"/><motor joint="x" ctrlrange="-2 2"/></actuator></mujoco>'
+    )
+    with pytest.warns(UserWarning, match="actuator 'thrust' is left out: it moves no joint"):
+        robot = wbc.load(path)
+    assert robot.limits.tau_max.tolist() == [2.0]

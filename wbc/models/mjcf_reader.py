@@ -167,9 +167,11 @@ class _Translation:
             self.left_out.append(f"actuator {m.actuator(actuator).name!r} is left out: it moves no joint")
 
     def _drives(self) -> NDArray[np.bool_]:
-        """Which actuators move a joint."""
-        kinds = (self.mj.mjtTrn.mjTRN_JOINT, self.mj.mjtTrn.mjTRN_JOINTINPARENT)
-        return np.isin(self.m.actuator_trntype, list(map(int, kinds)))
+        """Which actuators move a joint that has one position."""
+        m, trn, jnt = self.m, self.mj.mjtTrn, self.mj.mjtJoint
+        drives = np.isin(m.actuator_trntype, [int(trn.mjTRN_JOINT), int(trn.mjTRN_JOINTINPARENT)])
+        drives[drives] = np.isin(m.jnt_type[m.actuator_trnid[drives, 0]], [int(jnt.mjJNT_HINGE), int(jnt.mjJNT_SLIDE)])
+        return drives
 
     # ---- bodies
     def _roots(self) -> list[int]:
