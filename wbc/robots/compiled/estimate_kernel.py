@@ -22,9 +22,9 @@ from wbc.robots.compiled.filter_kernel import (
 )  # fmt: skip
 from wbc.types import Index, Mat, Vec
 
-#: A sample that comes later than this after the one before is a gap [s]; what the IMU missed then, at most, is taken to
-#: be a rate [rad/s] and an acceleration [m/s²] of this size.
-GAP, MISSED_RATE, MISSED_ACCELERATION = 0.02, 1.0, 5.0
+#: A sample that comes later than this after the one before is a gap [s], 20 ms and what the time of day is rounded by;
+#: what the IMU missed then, at most, is taken to be a rate [rad/s] and an acceleration [m/s²] of this size.
+GAP, MISSED_RATE, MISSED_ACCELERATION = 0.02 + 1e-6, 1.0, 5.0
 #: Places in ``sizes``: address of the filter, feet, joints, parts of the sample that are there as bits.
 FILTER, FEET, JOINTS, PARTS = range(4)
 #: The parts of a sample.
