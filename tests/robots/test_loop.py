@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -123,6 +124,21 @@ def test_what_arrives_is_watched():
     )
     assert counts["lost"] == 4  # one is missing, three were not used
     assert run["device.age"].max() == pytest.approx(2e-3, abs=1e-6)
+
+
+@pytest.mark.parametrize(("first", "last"), [(0, np.inf), (0, 50), (50, np.inf), (50, 100)])
+def test_states_without_a_time_are_new_ones(first: float, last: float):
+    """Their publisher set no stamp, at all or for a while."""
+
+    def spoil(k: int, frame: Any) -> Any:
+        if first <= k < last:
+            frame.header.stamp = SimpleNamespace(sec=0, nanosec=0)
+        return frame
+
+    run = torque_loop(spoil)[0].run(0.5)
+    counts = run.meta["loop"]
+    assert run.meta["ended"] == "complete" and np.abs(run["device.q"][-1] - ARM.q0).max() > 0.05
+    assert {counts[name] for name in ("repeated", "out_of_order", "bad", "lost")} == {0}
 
 
 def test_silence_ends_a_run_in_hold():

@@ -295,8 +295,7 @@ class Loop(metaclass=TellsArguments):
             self._counts["bad"] += 1
             return False
         last = self._reading
-        if last is not None and not isnan(reading.time):
-            passed = reading.time - last.time
+        if last is not None and not isnan(passed := reading.time - last.time):
             if passed <= 0.0:
                 self._counts["repeated" if passed == 0.0 else "out_of_order"] += 1
                 return False

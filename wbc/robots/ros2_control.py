@@ -70,7 +70,8 @@ class Ros2Control(Device):
                 given = np.asarray(getattr(frame, name), dtype=np.float64)
                 values[name] = given[order] if len(given) == len(names) else np.full(len(order), np.nan)
             stamp = getattr(getattr(frame, "header", None), "stamp", None)
-            time = float("nan") if stamp is None else stamp.sec + 1e-9 * stamp.nanosec
+            time = 0.0 if stamp is None else stamp.sec + 1e-9 * stamp.nanosec
+            time = time or float("nan")  # 0 is what ROS has where nobody set a time
             return Reading(q=values["position"], dq=values["velocity"], tau=values["effort"], time=time)
 
     def decode(self, frame: Any, reading: Reading) -> Order:
