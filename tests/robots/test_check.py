@@ -24,6 +24,7 @@ pytest.importorskip("mujoco")
 pytestmark = pytest.mark.physics
 
 from tests.robots.mistakes import CLEAN, MISTAKES, Seeded, checked, page  # noqa: E402 - needs the physics engine
+from tests.robots.test_loop import Spoiled  # noqa: E402
 from wbc.sim.mujoco_ import MujocoPlant  # noqa: E402
 
 
@@ -204,6 +205,23 @@ def test_gears_and_offsets_of_a_robot_without_torques_are_not_proven():
     assert found.ok and found.unproven == ["gears and offsets, as the robot reports no torques"]
     turned = checked_without_torques(offset={"elbow": 360.0})
     assert [one.kind for one in turned.findings] == ["offset"] and "elbow is read at" in turned.findings[0].sentence
+
+
+@pytest.mark.parametrize("torn", [3, 900])
+def test_a_torn_state_is_a_finding_whenever_it_comes(torn: int):
+    """While motors move too: an error would leave the robot with its last order."""
+    robot = wbc.load("arm")
+    gains = [200, 200, 150, 150, 60, 60, 20], [10, 10, 8, 8, 2, 2, 0.5]
+    group = Ros2Control(robot.joint_names, gains=gains)
+
+    def spoil(k: int, frame: Any) -> Any:
+        frame.name = frame.name[k == torn :]
+        return frame
+
+    port = Spoiled(MotorBoard(group, MujocoPlant(robot, dt=2e-3, settings=PhysicsSettings(armature=0.01))), spoil)
+    (found,) = check(port, robot).findings
+    assert found.kind == "frame" and found.sentence.startswith("states are not sound: the joint state has no ")
+    assert port.k > torn + 100
 
 
 def test_a_floating_base_is_refused():
