@@ -30,6 +30,7 @@ from tests.robots.motions import (
 )  # fmt: skip
 from tests.seeds import generator
 from wbc.errors import InvalidInput, UnknownFrame
+from wbc.models.feet import Foot
 from wbc.models.plausible import ImplausibleUnit
 from wbc.robots import SENSORS, BaseEstimator, ImuNoise
 from wbc.sim.spoiling import RUBBISH, spoilt
@@ -466,6 +467,7 @@ def test_the_covariance_stays_one_in_a_long_run() -> None:
         (lambda: BaseEstimator(wbc.load("arm")), "floating base"),
         (lambda: BaseEstimator(ROBOT, []), "contacts"),
         (lambda: BaseEstimator(ROBOT, [NAMES[0], NAMES[0]]), "contacts"),
+        (lambda: BaseEstimator(ROBOT, [Foot(NAMES[0], "sole", 0.6)]), "is a sole without half_size"),
         (lambda: BaseEstimator(ROBOT, imu_frame=NAMES[0]), "link of the base"),
         (lambda: BaseEstimator(ROBOT, make=0.01, break_=0.02), "break_"),
         (lambda: BaseEstimator(ROBOT, flex=0.0), "flex"),

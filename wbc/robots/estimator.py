@@ -89,7 +89,8 @@ class BaseEstimator(metaclass=TellsArguments):
         tilt, speed: standard deviations of what ``reset`` is told of the lean [rad] and of v [m/s].
 
     Raises:
-        InvalidInput: a robot without floating base or contacts, an IMU on another link, a number out of range.
+        InvalidInput: a robot without floating base or contacts, a sole without size, an IMU on another link, a number
+            out of range.
         UnknownFrame: a frame that the robot does not have.
 
     Example:
@@ -342,6 +343,8 @@ class BaseEstimator(metaclass=TellsArguments):
 def _points(foot: Foot) -> Mat:
     """The points of a foot (m, 3) [m], in its frame: the centre of a ball, or three on a sole that fix its place."""
     origin = np.array(foot.origin)
+    if foot.kind == "sole" and foot.half_size is None:
+        raise InvalidInput(f"foot {foot.frame!r} is a sole without half_size; load(..., feet=[...]) measures it")
     if foot.half_size is None:
         return origin[None]
     x, y = foot.half_size
