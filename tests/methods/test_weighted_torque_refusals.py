@@ -12,7 +12,7 @@ from tests.seeds import generator
 from wbc.checks import LARGEST
 from wbc.errors import InvalidInput
 from wbc.methods import WeightedTorque
-from wbc.methods.weighted_torque import FORMS
+from wbc.methods.weighted_torque import CLOSED_FORMS, FORMS
 
 
 @given(problems(**CALM, damped=False, equalities=False))
@@ -47,6 +47,22 @@ def test_damped_torques_are_continuous_through_singularities():
     damped = np.array([torque(angle, 0.1) for angle in angles])
     assert np.abs(np.diff(damped, axis=0)).max() < 0.05
     assert np.abs(torque(1e-6, 0.0)).max() > 1e5
+
+
+@pytest.mark.parametrize("form", CLOSED_FORMS)
+@pytest.mark.parametrize("damping", [1e-2, 1e-4, 1e-6])
+def test_more_rows_than_joints_are_least_squares_in_every_closed_form(form: str, damping: float):
+    """Oracle: numpy's least squares of [1; A / d]. The rows contradict each other, and d decides nothing."""
+    rng = generator("more rows than joints", form, damping)
+    for rows in range(4, 9):
+        n = 3
+        task = WeightedTorque(
+            np.eye(n), rng.normal(size=n), rng.normal(size=(rows, n)), rng.normal(size=rows), weight="identity",
+            tau_0=rng.normal(size=n), damping=damping,
+        )  # fmt: skip
+        stacked = np.vstack([np.eye(n), task.J / damping])
+        right = np.append(task.tau_0, (task.task_acceleration + task.J @ task.n) / damping)
+        np.testing.assert_allclose(task.closed_form(form).tau, np.linalg.lstsq(stacked, right)[0], rtol=0, atol=1e-7)
 
 
 # ---- what is refused

@@ -179,9 +179,8 @@ class WeightedTorque(Method):
     def closed_form(self, form: str = "pseudo_inverse") -> Torque:
         """The optimum by formula, in any of the three forms. Where rows depend on each other Λ is a pseudo-inverse.
 
-        The first form keeps the most digits near singularities: the others square the condition of the task.
-
-        With damping d, Λ = (A W⁻¹ Aᵀ + d² I)⁻¹ for the task rows.
+        With damping d, Λ = (A W⁻¹ Aᵀ + d² I)⁻¹ for the task rows. W⁻¹ Aᵀ Λ is one matrix, computed from the singular
+        values of the rows, so that no form squares the condition of the task.
 
         Raises:
             NoClosedForm: there are torque limits.
@@ -199,14 +198,13 @@ class WeightedTorque(Method):
             return self._none()
         b = b - (1.0 - scale) * np.concatenate([self.task_acceleration, np.zeros(len(self.e))])
         missing = b - A @ self.tau_0
-        away = self._root @ (self._root.T @ A.T)  # W⁻¹ Aᵀ
+        away = self._root @ found.V[:, : len(self.n)].T @ half.T  # W⁻¹ Aᵀ Λ
         if form == "multiplier":
-            tau = self.tau_0 + away @ (Lambda @ missing)
+            tau = self.tau_0 + away @ missing
         elif form == "null_space":
-            tau = away @ (Lambda @ b) + (self.tau_0 - away @ (Lambda @ (A @ self.tau_0)))
+            tau = away @ b + (self.tau_0 - away @ (A @ self.tau_0))
         else:
-            inverse = (self._inverse @ self._root) @ found.V[:, : len(self.n)].T @ half.T  # J# in the metric M W M
-            tau = self.tau_0 + self.M @ (inverse @ missing)
+            tau = self.tau_0 + self.M @ ((self._inverse @ away) @ missing)  # M⁻¹ away is J# in the metric M W M
         return Torque(tau, self._acceleration(tau), Lambda @ missing, self._cost(tau), scale, feasible)
 
     def _factors(self, A: Mat) -> Factors:
