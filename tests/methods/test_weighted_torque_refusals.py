@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from hypothesis import given
+from scipy.optimize import lsq_linear
 
-from tests.methods.test_weighted_torque import CALM, assert_same, exercise
+from tests.methods.test_weighted_torque import CALM, EXACT, assert_same, exercise
 from tests.methods.torque_problems import again, problems
 from tests.seeds import generator
 from wbc.checks import LARGEST
@@ -63,6 +64,26 @@ def test_more_rows_than_joints_are_least_squares_in_every_closed_form(form: str,
         stacked = np.vstack([np.eye(n), task.J / damping])
         right = np.append(task.tau_0, (task.task_acceleration + task.J @ task.n) / damping)
         np.testing.assert_allclose(task.closed_form(form).tau, np.linalg.lstsq(stacked, right)[0], rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("solver", EXACT)
+def test_limits_hold_where_damping_gives_up_most_of_the_task(solver: str, form: str):
+    """Oracle: bounded least squares. The task is missed by up to 1e4 times more than the torques are long."""
+    rng = generator("damped far", form)
+    for _ in range(40):
+        n = int(rng.integers(2, 6))
+        m, damping, size = int(rng.integers(1, n + 1)), 10.0 ** rng.uniform(-2, 0), 10.0 ** rng.uniform(2, 5)
+        task = WeightedTorque(
+            1e-3 * np.eye(n), np.zeros(n), rng.normal(size=(m, n)), size * rng.normal(size=m), weight="identity",
+            tau_0=rng.normal(size=n), damping=damping, tau_min=-1.0, tau_max=1.0,
+        )  # fmt: skip
+        tau = task.solve(solver, form).tau
+        assert np.abs(tau).max() <= 1.0 + 1e-7
+        stacked = np.vstack([np.eye(n), 1e3 * task.J / damping])
+        right = np.append(task.tau_0, task.task_acceleration / damping)
+        found = lsq_linear(stacked, right, (-1.0, 1.0), method="bvls", tol=1e-15)
+        np.testing.assert_allclose(tau, found.x, rtol=0, atol=1e-6)
 
 
 # ---- what is refused

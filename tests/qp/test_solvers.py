@@ -331,6 +331,16 @@ def test_rows_may_be_in_any_unit(name: str, unit: float):
     np.testing.assert_allclose(answer.x, [2.0, -1.0], atol=1e-6)
 
 
+@pytest.mark.parametrize("name", ["pdas", "daqp", "clarabel"])
+@pytest.mark.parametrize("angle", [1e-4, 3e-6, 1e-6])
+def test_rows_that_are_nearly_parallel_are_no_contradiction(name: str, angle: float):
+    """Both rows are active, and they meet in (1, 1)."""
+    qp = QP(np.eye(2), np.zeros(2), C=[[1.0, 0.0], [1.0, angle]], cl=[-np.inf, 1.0 + angle], cu=[1.0, np.inf])
+    answer = solve(qp, name)
+    assert answer.status is Status.SOLVED
+    np.testing.assert_allclose(qp.C @ answer.x, [1.0, 1.0 + angle], rtol=0, atol=1e-8)
+
+
 # ---- in a control loop
 
 

@@ -107,9 +107,10 @@ def nearest(
     if found is None:
         return None
     u = unit * (first + found.u @ free)
-    x, terms_of_x = centre + root @ u, (np.abs(centre) + np.abs(root) @ np.abs(u)).max()
+    x, limited = centre + root @ u, matrix[kept].any(axis=0)
+    terms_of_x = (np.abs(centre) + np.abs(root) @ np.abs(u))[limited].max(initial=0.0)
     # Limits with a small contradiction in the metric are both violated a little; in x that may be much, beside their
-    # own numbers and those that x is a sum of.
+    # own numbers and those that the limited entries of x are sums of.
     beyond, little = np.maximum(matrix @ x - upper, lower - matrix @ x)[kept], np.linalg.norm(matrix[kept], axis=1)
     little = np.maximum(terms_of_x * little, TINY)
     own = largest_known(lower, upper)[kept]

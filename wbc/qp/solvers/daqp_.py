@@ -15,7 +15,7 @@ from wbc import checks
 from wbc.qp.problem import QP
 from wbc.qp.solver import Answer, Solver
 from wbc.qp.solvers.kept import INFINITY, KeptSession
-from wbc.tolerances import ACCURACY
+from wbc.tolerances import ACCURACY, NOISE
 from wbc.types import Status
 
 EQUALITY = 5
@@ -49,9 +49,10 @@ class DaqpSession(KeptSession):
 
         model, solver, (n, n_eq, n_in) = daqp.Model(), self.solver, self.shape
         # Its own elimination of equalities takes problems for infeasible where H is singular on what is left.
+        # Rows depend on each other where a pivot is rounding. At its own 4e-11 rows 6e-6 rad apart count as infeasible.
         model.settings = {
             "primal_tol": solver.primal_tol, "eps_prox": solver.eps_prox, "eta_prox": solver.eta_prox,
-            "iter_limit": solver.max_iter, "eq_reduction": 0,
+            "iter_limit": solver.max_iter, "sing_tol": NOISE, "eq_reduction": 0,
         }  # fmt: skip
         sense = np.repeat(np.array([0, EQUALITY, 0], np.intc), [n, n_eq, n_in])
         self._flag, _ = model.setup(qp.H, qp.g, *self._data, sense)
