@@ -10,6 +10,7 @@ import pinocchio
 
 from wbc import checks
 from wbc.errors import InvalidInput
+from wbc.models import plausible
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.contact import Anchor
 from wbc.stack.kernel_members import KernelContact
@@ -57,6 +58,7 @@ class Edge(KernelContact):
             force_weight=force_weight, f_min=f_min, f_max=f_max, target=target, name=name,
         )  # fmt: skip
         self.half_length = checks.number(f"{self.name}.half_length", half_length, low=0.0, strict=True)
+        plausible.extent(f"{self.name}.half_length", self.half_length)
         self.origin = checks.array(f"{self.name}.origin", origin, (3,))
         self.direction, self.normal = self._unit("direction", direction), self._unit("normal", normal)
         self._origin = pinocchio.SE3(np.eye(3), self.origin)

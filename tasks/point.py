@@ -7,6 +7,7 @@ from typing import Any, Self, final
 import numpy as np
 
 from wbc import checks
+from wbc.models import plausible
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.contact import Anchor
 from wbc.stack.kernel_members import KernelContact
@@ -50,6 +51,7 @@ class Point(KernelContact):
             force_weight=force_weight, f_min=f_min, f_max=f_max, target=target, name=name,
         )  # fmt: skip
         self.radius = checks.number(f"{self.name}.radius", radius, low=0.0)
+        plausible.extent(f"{self.name}.radius", self.radius)
         self.axes = np.eye(3) if axes is None else rotation_target(f"{self.name}.axes", axes, True)
         self._offset = -self.radius * self.axes[:, 2]
 

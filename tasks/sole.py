@@ -11,6 +11,7 @@ import pinocchio
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.friction import wrench_facets
+from wbc.models import plausible
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.contact import Anchor
 from wbc.stack.kernel_members import KernelContact
@@ -56,6 +57,7 @@ class Sole(KernelContact):
         self.half_size = checks.array(f"{self.name}.half_size", half_size, (2,))
         if (self.half_size <= 0).any():
             raise InvalidInput(f"{self.name}.half_size is {tuple(self.half_size.tolist())}; both must be > 0 [m]")
+        plausible.extent(f"{self.name}.half_size", self.half_size)
         self.origin = checks.array(f"{self.name}.origin", origin, (3,))
         self._origin = pinocchio.SE3(np.eye(3), self.origin)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, final
 
 from wbc import checks
+from wbc.models import plausible
 
 from .directions import unit_axis
 
@@ -35,6 +36,7 @@ class Wheel:
     def __init__(self, name: str, frame: str, radius: float, axle: Any) -> None:
         self.frame = frame
         self.radius = checks.number(f"{name}.radius", radius, low=0.0, strict=True)
+        plausible.extent(f"{name}.radius", self.radius)
         self.axle = unit_axis(f"{name}.axle", axle)
 
     def numbers(self, ground: float | None) -> list[float]:

@@ -135,14 +135,11 @@ class ContactSchedule(Schedule):
 
     # ---- in the tick
     def contact_sets(self) -> list[frozenset[str]]:
-        sets = dict.fromkeys(self._sets)
-        if self.touching is not None:  # feet that are to land together touch one after the other
-            for before, after in zip(self._sets, [*self._sets[1:], self._sets[0]], strict=True):
-                new = sorted(after - before)
-                for k in range(len(new) + 1):
-                    for some in combinations(new, k):
-                        sets |= {before | frozenset(some): None, (before & after) | frozenset(some): None}
-        return list(sets)
+        if self.touching is None:
+            return list(dict.fromkeys(self._sets))
+        always = frozenset.intersection(*self._sets)  # a foot may be so late that the next ones lift before it lands
+        others = sorted(frozenset(self.names) - always)
+        return [always.union(some) for k in range(len(others) + 1) for some in combinations(others, k)]
 
     def contacts(self, state: RobotState, last: object) -> frozenset[str]:
         """The timeline's set; with a sensor, what of it has touched."""

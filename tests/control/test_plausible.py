@@ -11,7 +11,19 @@ import numpy as np
 import pytest
 
 import wbc
-from tasks import JointCoupling, JointVelocityLimits, MeasuredWrench, Point, Position, Posture, TorqueLimits, feet
+from tasks import (
+    Edge,
+    JointCoupling,
+    JointVelocityLimits,
+    MeasuredWrench,
+    Point,
+    Position,
+    Posture,
+    Rolling,
+    Sole,
+    TorqueLimits,
+    feet,
+)
 from wbc.models.plausible import ImplausibleUnit, NothingHoldsTheBase, RedundantContacts
 from wbc.sim.mujoco_ import MujocoPlant
 from wbc.sim.simulate import simulate
@@ -31,6 +43,20 @@ def test_degrees_milliseconds_and_millimetres_are_doubted():
                 ARM, wbc.Stack([task], subject_to=[JointVelocityLimits()]), level=LEVEL, **settings
             )
         assert control.tick(0.0, ARM.q0, np.zeros(7)).status.ok
+
+
+@pytest.mark.parametrize(
+    ("made", "said"),
+    [
+        (lambda: Sole("foot", half_size=(100, 50), friction=0.5), r"Sole\[foot\].half_size is \[100.  50.\] m"),
+        (lambda: Edge("foot", half_length=60.0, friction=0.5), r"Edge\[foot\].half_length is 60.0 m"),
+        (lambda: Point("foot", friction=0.5, radius=20.0), r"Point\[foot\].radius is 20.0 m"),
+        (lambda: Rolling("wheel", radius=50.0), r"Rolling\[wheel\].radius is 50.0 m"),
+    ],
+)
+def test_sizes_of_contacts_in_millimetres_are_doubted(made: Any, said: str):
+    with pytest.warns(ImplausibleUnit, match=said):
+        made()
 
 
 def test_a_first_state_in_degrees_is_doubted_once():

@@ -104,6 +104,14 @@ def test_every_set_it_can_name_is_announced(timeline: Any, period: float | None)
     assert set(ticked(schedule, 200)) <= set(schedule.contact_sets())
 
 
+@given(TIMELINES, PERIODS, st.randoms(use_true_random=False))
+def test_every_set_that_a_sensor_makes_of_a_timeline_is_announced(
+    timeline: Any, period: float | None, random: Any
+) -> None:
+    schedule = ContactSchedule(timeline, period=period, touching=lambda name: random.random() < 0.1)
+    assert set(ticked(schedule, 200)) <= set(schedule.contact_sets())
+
+
 def test_feet_that_land_together_may_touch_one_after_the_other_without_surprise() -> None:
     timeline = [(0.0, FEET), (0.1, FEET[:2]), (0.2, FEET)]
     announced = set(ContactSchedule(timeline, touching=lambda name: True).contact_sets())

@@ -21,6 +21,8 @@ _ROUNDING = 1e-2
 _THIN, _WIDE = 1e-5, 20.0
 #: A range of so many times what counts as met is exceeded by a hundredth of itself.
 _NARROW = 100.0
+#: No robot's foot, hand or wheel measures so much from its middle [m].
+_LARGE = 5.0
 #: A robot that reaches less far [m] may be one whose frames lie in its base.
 _SHORT = 0.1
 
@@ -74,6 +76,12 @@ def position(model: RobotModel, name: str, point: Vec) -> None:
     reach = max([_SHORT, *(float(np.linalg.norm(state.frame(frame).position)) for frame in model.frame_names)])
     if far > 10.0 * reach:
         doubt(f"{name} is {point} m, more than ten times as far as {model.name} reaches: are these millimetres?")
+
+
+def extent(name: str, size: Any) -> None:
+    """Sizes of a sole, an edge, a ball or a wheel, a number or (k,) [m], that no robot has look like millimetres."""
+    if np.max(size) >= _LARGE:
+        doubt(f"{name} is {np.asarray(size)} m, and no robot's foot, hand or wheel is as large: are these millimetres?")
 
 
 def period(dt: float) -> None:
