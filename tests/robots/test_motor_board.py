@@ -73,6 +73,22 @@ def test_a_failing_motor_fails_here_as_in_a_simulation_and_torques_are_cut_at_th
     np.testing.assert_allclose(said, left * most, rtol=1e-6)
 
 
+@pytest.mark.parametrize("make", [ForwardDynamicsPlant, MujocoPlant])
+def test_a_hand_is_stronger_than_a_motor_at_its_limit(make: Any):
+    """Oracle: M Δa = hand, with the motors at their limits in both runs."""
+    hand, velocities = 2.0 * ARM.limits.tau_max, []
+    for push in (0.0, 1.0):
+        board = MotorBoard(Ros2Control(ARM.joint_names, rate=500.0, interface="effort"), make(ARM, dt=1e-4))
+        board.send(10.0 * ARM.limits.tau_max)
+        board.hand[:] = push * hand
+        board.sleep(1e-4)
+        velocities.append(board.plant.v)
+    state = ARM.state()
+    state.update(0.0, ARM.q0, np.zeros(ARM.nv))
+    change = state.M @ (velocities[1] - velocities[0]) / 1e-4
+    np.testing.assert_allclose(change, hand, rtol=1e-2, atol=1e-2 * hand.max())
+
+
 def test_an_own_controller_keeps_the_posture_before_the_first_order():
     board = board_for()
     readings(board, 1.0)

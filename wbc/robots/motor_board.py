@@ -135,7 +135,7 @@ class MotorBoard(metaclass=TellsArguments):
                 raise InvalidInput(f"{one}: give a motor board delay=, state_delay= and sensors= instead")
             self._effects.append(effect)
         self._attitude: Mat = np.eye(3)
-        #: Torques (nj,) on the joints from outside, as of a hand that moves them.
+        #: Torques (nj,) on the joints from outside, as of a hand that moves them; no motor's limit cuts them.
         self.hand: Vec = np.zeros(robot.nj)
         self.refused, self.why = 0, ""
         self._order: Order | None = None
@@ -185,7 +185,9 @@ class MotorBoard(metaclass=TellsArguments):
             effect.push(plant.t)
             given = effect.deliver(given)
         self._tau = given.tau
-        plant.step(Delivered(self._tau + self.hand, still, still, plant.q))
+        if self.hand.any():
+            plant.push_joints(self.hand)
+        plant.step(Delivered(self._tau, still, still, plant.q))
         if plant.t > self._due - 1e-9:
             self._due += 1.0 / self.device.rate
             self._last = self._read()

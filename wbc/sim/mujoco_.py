@@ -202,6 +202,7 @@ class MujocoPlant(Plant):
             # The forces belong to the state before the step, and data still holds where they acted after it.
             mj.mj_step(physics, data)
             self._contacts.add(data, physics.opt.timestep, 1.0 / self.substeps)
+        data.qfrc_applied[:] = 0.0
         return self._bridge.read(data)
 
     def _controls(self, command: Drive) -> Vec:
@@ -219,6 +220,10 @@ class MujocoPlant(Plant):
         force = checks.array("force", force, (3,))
         self._pushes.append((self._body(frame), force))
         self._pushed = self._pushed + force
+
+    def push_joints(self, tau: Vec) -> None:
+        for joint, torque in enumerate(checks.array("tau", tau, (self.model.nj,))):
+            self.data.qfrc_applied[self._bridge.velocity_index(joint)] += torque
 
     def add_mass(self, frame: str, mass: float) -> None:
         self._masses.add(self._body(frame), checks.number("mass", mass, low=0.0))

@@ -132,6 +132,14 @@ class Plant(metaclass=TellsArguments):
         """
         raise NotSupported(f"{type(self).__name__} knows no forces, so nothing can push {frame!r}")
 
+    def push_joints(self, tau: Vec) -> None:
+        """Let torques ``tau`` (nj,) [N m, N] from outside act on the joints during the next step, whatever motors can.
+
+        Raises:
+            NotSupported: a plant without forces.
+        """
+        raise NotSupported(f"{type(self).__name__} knows no forces, so nothing can push its joints")
+
     def add_mass(self, frame: str, mass: float) -> None:
         """Fix a point mass [kg] to the origin of ``frame`` from now until the next ``reset``.
 
@@ -218,15 +226,20 @@ class ForwardDynamicsPlant(Plant):
         super().__init__(model, dt)
         self.substeps = whole("substeps", substeps)
         self._state = model.state()
+        self._outside = np.zeros(model.nj)
 
     def _place(self, q: Vec, v: Vec) -> None:
-        """The dynamics have no other memory than q and v."""
+        self._outside[:] = 0.0
+
+    def push_joints(self, tau: Vec) -> None:
+        self._outside += checks.array("tau", tau, (self.model.nj,))
 
     def _advance(self, command: Drive) -> tuple[Vec, Vec]:
         model, state, h = self.model, self._state, self.dt / self.substeps
         q, v = self._q, self._v
         torque = np.zeros(model.nv)
-        torque[model.nb :] = finite("command.tau", command.tau, self.t)
+        torque[model.nb :] = finite("command.tau", command.tau, self.t) + self._outside
+        self._outside[:] = 0.0
         for _ in range(self.substeps):
             state.update(self.t, q, v)
             a = cho_solve(cho_factor(state.M), torque - state.h)
