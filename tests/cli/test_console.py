@@ -36,6 +36,17 @@ def test_what_an_earlier_life_did_does_not_make_the_rest_look_short(monkeypatch,
     assert "80 s left" in capsys.readouterr().err.replace("1 min", "80 s")
 
 
+def test_what_came_before_the_first_report_does_not_make_the_rest_look_long(monkeypatch, capsys):
+    now = 0.0
+    monkeypatch.setattr(console, "monotonic", lambda: now)
+    with console.progress("running") as report:
+        now = 60.0
+        report(0.0)
+        now = 71.0
+        report(0.1)
+    assert capsys.readouterr().err.splitlines() == ["wbc: running, 0 %", "wbc: running, 2 min left, 10 %"]
+
+
 def test_of_less_than_a_hundredth_the_rest_is_not_guessed(monkeypatch, capsys):
     times = iter([0.0, 0.0, 11.0, 22.0])
     monkeypatch.setattr(console, "monotonic", lambda: next(times))

@@ -84,6 +84,7 @@ def test_what_makes_no_sense_is_refused_when_it_is_given(make: Any, said: str):
         (Posture(np.zeros(5)), r"Posture.target must have shape \(7,\) on arm, not \(5,\)"),
         (Posture(np.zeros(7), weight=np.ones(6)), r"Posture.weight must have shape \(7,\)"),
         (Posture(np.zeros(7), kp=np.ones(6)), r"Posture.kp must have shape \(7,\)"),
+        (Posture(0.0), r"Posture.target must have shape \(7,\) on arm, not \(\)"),
         (JointVelocity([0.0]), r"JointVelocity.target must have shape \(7,\) on arm"),
         (Torque(np.zeros(6)), r"Torque.target must have shape \(7,\)"),
     ],

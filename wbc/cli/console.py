@@ -102,8 +102,10 @@ def progress(title: str) -> Iterator[Report]:
         first: float | None = None  # what an earlier life did took no time of this one
 
         def report(done: float, text: str = "") -> None:
-            nonlocal spoken, first
-            now, first = monotonic(), done if first is None else first
+            nonlocal start, spoken, first
+            now = monotonic()
+            if first is None:  # neither did what came before the first report, such as compiling
+                first, start = done, now
             left = (now - start) * (1.0 - done) / (done - first) if done - first >= SHARE_TO_GUESS else 0.0
             rest = f"{remaining(left)} left" if left and now - start > SECONDS_TO_GUESS else ""
             said = ", ".join(part for part in (f"{title}: {text}" if text else title, rest) if part)

@@ -62,7 +62,9 @@ def run(
 def solvers(
     sources: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[SCENARIO|FOLDER]...", help="Scenarios as wbc run names them, folders of QPs (.npz)."),
+        typer.Argument(
+            metavar="[SCENARIO|FOLDER]...", help="Scenarios as wbc run names them, QPs (.npz)."
+        ),
     ] = None,
     *,
     every: Annotated[bool, typer.Option("--all", help=f"Add {', '.join(SCENARIOS)}, --torture and --growth.")] = False,

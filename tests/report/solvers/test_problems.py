@@ -11,6 +11,7 @@ from tests.qp.zoo import random_qp
 from wbc.errors import InvalidInput
 from wbc.qp import QP, solve
 from wbc.qp.problem import Objective
+from wbc.report import compare
 from wbc.report.solvers.problems import ProblemSet, from_folder, read_qp, sequence
 from wbc.report.solvers.recording import growing, record
 from wbc.sim.scenario import find
@@ -74,8 +75,13 @@ def test_every_folder_is_a_set_of_its_own(files: Path, tmp_path: Path):
     assert [s.name for s in found.sets] == [f"{tmp_path.name}/one", f"{tmp_path.name}/two"] and not found.unread
 
 
-def test_a_folder_without_problems_is_refused(tmp_path: Path):
-    for folder in (tmp_path, tmp_path / "nowhere"):
+def test_a_file_is_a_set_of_its_own(files: Path):
+    found = compare(str(files / "ours.npz"), solvers=["pdas"], classes={"default": None}, rounds=1)
+    assert {(one["set"], tuple(one["status"])) for one in found["measures"]} == {("ours.npz", ("SOLVED",))}
+
+
+def test_a_folder_without_problems_is_refused(tmp_path: Path, files: Path):
+    for folder in (tmp_path, tmp_path / "nowhere", tmp_path / "nowhere.npz", files / "picture.npz"):
         with pytest.raises(InvalidInput):
             from_folder(folder)
     with pytest.raises(InvalidInput):

@@ -48,7 +48,7 @@ def compare(
     progress: Progress = silent,
     **options: Any,
 ) -> Data:
-    """Compare solvers on a scenario, on recorded QPs or on a folder of QPs; several of these in a list stay apart.
+    """Compare solvers on a scenario, on recorded QPs or on a folder of QPs or a file; several in a list stay apart.
 
     Args:
         run: a :class:`~wbc.report.solvers.recording.QpRecorder`, a list of QPs, a problem set, a scenario or its
@@ -161,7 +161,7 @@ def _collected(
     unread: dict[str, str] = {}
     for k, source in enumerate(sources):
         progress(0.0, f"collecting problems: {source if isinstance(source, str | Path) else 'given'}")
-        if _is_folder(source):
+        if _is_place(source):
             found = from_folder(Path(source))
             sets += found.sets
             unread |= found.unread
@@ -208,7 +208,7 @@ def _asked(
 
 def _refuse_stray(settings: Sequence[str], sources: Sequence[Any]) -> None:
     """A parameter must belong to one of the scenarios, a misspelt one to none."""
-    scenarios = [find(s) if isinstance(s, str) else s for s in sources if not _is_folder(s)]
+    scenarios = [find(s) if isinstance(s, str) else s for s in sources if not _is_place(s)]
     scenarios = [s for s in scenarios if isinstance(s, Scenario)]
     for setting in settings:
         if not scenarios:
@@ -217,8 +217,9 @@ def _refuse_stray(settings: Sequence[str], sources: Sequence[Any]) -> None:
             scenarios[0].parse([setting])
 
 
-def _is_folder(source: Any) -> bool:
-    return isinstance(source, str | Path) and Path(source).is_dir()
+def _is_place(source: Any) -> bool:
+    """Whether ``source`` is a folder of QPs or one of its files."""
+    return isinstance(source, str | Path) and (Path(source).is_dir() or Path(source).suffix == ".npz")
 
 
 def _given(source: Any, name: str) -> ProblemSet:

@@ -132,22 +132,22 @@ class Folder:
 
 
 def from_folder(folder: Path) -> Folder:
-    """Every folder of .npz files at or below ``folder`` as a set of its own.
+    """Every folder of .npz files at or below ``folder`` as a set of its own; of one file, what is in it.
 
     Understood are QPs saved by this library; ``P, q, G, h, A, b, lb, ub`` (what is not there is absent) for
     ½ xᵀPx + qᵀx, G x ≤ h, A x = b; and ``P, q, A, l, u`` for l ≤ A x ≤ u. Problem sets of an older comparison
     are sets again.
 
     Raises:
-        InvalidInput: no such folder, or nothing in it that can be read.
+        InvalidInput: no such folder or file, or nothing in it that can be read.
     """
-    if not folder.is_dir():
-        raise InvalidInput(f"{folder} is neither a scenario nor a folder of QPs (.npz)")
+    if not folder.exists():
+        raise InvalidInput(f"there is no file {folder}; give a scenario, a folder of QPs (.npz) or one of its files")
     found: dict[str, list[tuple[str, QP]]] = {}
     sets: list[ProblemSet] = []
     unread: dict[str, str] = {}
-    for path in sorted(folder.rglob("*.npz")):
-        place = path.parent.relative_to(folder)
+    for path in sorted(folder.rglob("*.npz")) if folder.is_dir() else [folder]:
+        place = path.parent.relative_to(folder) if folder.is_dir() else Path()
         try:
             if _is_set(path):
                 sets.append(ProblemSet.load(path))
