@@ -62,9 +62,7 @@ def run(
 def solvers(
     sources: Annotated[
         list[str] | None,
-        typer.Argument(
-            metavar="[SCENARIO|FOLDER]...", help="Scenarios as wbc run names them, QPs (.npz)."
-        ),
+        typer.Argument(metavar="[SCENARIO|FOLDER]...", help="Scenarios as wbc run names them, QPs (.npz)."),
     ] = None,
     *,
     every: Annotated[bool, typer.Option("--all", help=f"Add {', '.join(SCENARIOS)}, --torture and --growth.")] = False,
