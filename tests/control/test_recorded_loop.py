@@ -10,7 +10,11 @@ import pytest
 import wbc
 from wbc.control.recorder import UnknownColumn
 from wbc.errors import InvalidInput, WbcError
+from wbc.report.document import Plot, Table
+from wbc.report.measure import fallbacks
+from wbc.report.sections.solver import section
 from wbc.sim.plant import IntegratorPlant
+from wbc.sim.scenario import ScenarioResult
 from wbc.sim.simulate import simulate
 from wbc.tasks import (
     BoxLimits,
@@ -202,6 +206,31 @@ def test_why_a_tick_had_no_answer_is_kept_with_its_problem():
     run = recorded(driver, 3)
     assert run.meta["failure"]["t"] == 0.0 and "Position[tool]" in run.meta["failure"]["why"]
     assert run.failed is not None and recorded(controller("arm")).meta["failure"] is None
+
+
+class Raises(wbc.Component):
+    """Raises in some ticks."""
+
+    def before(self, state: Any, last: Any, plan: Any) -> None:
+        if 3 <= round(state.t / DT) < 18 or round(state.t / DT) == 30:
+            raise ValueError("no")
+
+
+def test_a_record_says_which_fallback_level_made_each_command():
+    robot = wbc.load("arm")
+    stack = wbc.Stack([Posture(robot.q0)], subject_to=[JointLimits()], components=[Raises()])
+    driver, recorder = wbc.Controller(robot, stack, level=wbc.AccelerationLevel(), dt=DT), wbc.Recorder(8)
+    made = [recorder.tick(driver, DT * k, robot.q0, np.zeros(robot.nv)).fallback_level for k in range(TICKS)]
+    run = recorder.run()
+    assert [run.meta["fallback_levels"][k] for k in run["fallback"].astype(int)] == made
+    assert {name: ticks.sum() for name, ticks in fallbacks(run).items()} == {"solved": 24, "hold": 11, "damped": 5}
+    page = section(ScenarioResult(run=run, ok=True, violations={}, tracking={}, verdict=[]))
+    assert page is not None
+    (table,) = (item for item in page.items if isinstance(item, Table) and item.columns[0] == "fallback level")
+    assert [row[:2] for row in table.rows] == [("solved", 24), ("hold", 11), ("damped", 5)]
+    (plot,) = (item for item in page.items if isinstance(item, Plot) and item.name == "fallbacks")
+    spans = {strip.label: [round(t / DT) for span in strip.intervals for t in span] for strip in plot.strips}
+    assert spans == {"hold": [3, 13, 30, 31], "damped": [13, 18]}
 
 
 def reaching(level: wbc.Formulation | None = None, **settings: Any) -> wbc.Controller:

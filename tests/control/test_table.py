@@ -77,7 +77,7 @@ def test_only_dimensionless_numbers_have_no_unit(standing: Run, tmp_path: Path):
     headings, _ = read(standing.to_csv(tmp_path / "run.csv"))
     without = {heading for heading in headings if not heading.endswith("]") or heading.startswith("margin")}
     assert {heading.split(".")[0] for heading in without} == {
-        "status", "iterations", "active", "certificate", "cost", "q", "plant",
+        "status", "iterations", "fallback", "active", "certificate", "cost", "q", "plant",
     }  # fmt: skip
     assert {h for h in without if h.split(".")[0] in ("q", "plant")} == {
         f"{column}.base_quaternion_{axis}" for column in ("q", "plant.q") for axis in "xyzw"

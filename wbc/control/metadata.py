@@ -10,7 +10,7 @@ import numpy as np
 from wbc import checks
 from wbc.errors import InvalidInput
 
-_NAMES = ("joint_names", "joint_units", "statuses")
+_NAMES = ("joint_names", "joint_units", "statuses", "fallback_levels")
 _OF_MEMBERS = ("tasks", "contacts")
 _MAPPINGS = ("limits", "distances", "residuals", "silent", "parameters", "beside")
 

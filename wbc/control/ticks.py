@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 RECORDED_ROWS = 16
 #: Columns, and beginnings of columns, that a recorder writes at some level.
 COLUMNS = (
-    "t", "status", "tick_us", "q", "v", "v_cmd", "a", "tau", "certificate", "iterations", "active", "active.", "f.",
-    "error.", "residual.", "cost.", "distance.", "margin.", "about.", "signal.",
+    "t", "status", "tick_us", "q", "v", "v_cmd", "a", "tau", "certificate", "iterations", "fallback", "active",
+    "active.", "f.", "error.", "residual.", "cost.", "distance.", "margin.", "about.", "signal.",
 )  # fmt: skip
 _CODES = {status: i for i, status in enumerate(Status)}
 
@@ -60,6 +60,8 @@ class Ticks:
         self._columns: dict[str, tuple[int, ...]] = {}
         #: Every row that was active so far, with its side: what the numbers of the column ``active.row`` mean.
         self.active_rows: dict[tuple[str, str, str, str], int] = {}
+        #: Every fallback level that made a command so far: what the numbers of the column ``fallback`` mean.
+        self.fallback_levels = {"solved": 0}
 
     def row(self, t: float, q: Vec, v: Vec, command: Command, microseconds: float) -> dict[str, Any]:
         """What the controller was told (q (nq,), v (nv,)) and decided in its last tick, by column."""
@@ -70,6 +72,7 @@ class Ticks:
             "v_cmd": command.v,
             "certificate": np.array([proof.primal, proof.dual, proof.gap]),
             "iterations": controller.iterations,
+            "fallback": self.fallback_levels.setdefault(command.fallback_level, len(self.fallback_levels)),
             "active": controller.active_count,
         }
         if self._order == 2:
@@ -152,10 +155,11 @@ class Ticks:
         return dict(zip(("active.row", "active.bound", "active.multiplier"), kept, strict=True))
 
     def found(self) -> dict[str, Any]:
-        """Metadata that only the ticks so far tell: the first failure, and which rows were active."""
+        """Metadata that only the ticks so far tell: the first failure, active rows and fallback levels."""
         keys = ("owner", "label", "unit", "side")
         rows = [dict(zip(keys, row, strict=True)) for row in self.active_rows]
-        return {"failure": self.failure, "active_rows": rows} | ({"silent": self.silent} if self.silent else {})
+        found = {"failure": self.failure, "active_rows": rows, "fallback_levels": [*self.fallback_levels]}
+        return found | ({"silent": self.silent} if self.silent else {})
 
     def watch(self, t: float) -> None:
         """Keep why the tick at ``t`` [s] had no answer, if it is the first one that had none."""

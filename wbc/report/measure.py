@@ -79,6 +79,12 @@ def statuses(run: Run) -> dict[str, int]:
     return {names[i]: int(n) for i, n in zip(found, counts, strict=True)}
 
 
+def fallbacks(run: Run) -> dict[str, Flags]:
+    """In which ticks (N,) each fallback level made the command; "solved" is the first one."""
+    levels = enumerate(run.meta.get("fallback_levels", ()) if "fallback" in run.columns else ())
+    return {name: np.asarray(run.columns["fallback"]) == k for k, name in levels}
+
+
 def solved(run: Run) -> Flags:
     """Which ticks (N,) ended SOLVED, that is with a certified answer."""
     return np.asarray(np.array(_status_names(run))[np.asarray(run.columns["status"], dtype=int)] == "SOLVED")

@@ -38,7 +38,7 @@ BESIDE, CALLED = "beside", "called"
 #: The picture of the motion, which a report has that shows the robot.
 MOTION = "motion.png"
 #: Metadata that is no setting: what came of the run.
-RESULTS = (JUDGED, BESIDE, CALLED, "failure", "active_rows", "statuses", "ended", "fallen", "silent")
+RESULTS = (JUDGED, BESIDE, CALLED, "failure", "active_rows", "fallback_levels", "statuses", "ended", "fallen", "silent")
 
 
 @tells_arguments

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.report import measure
-from wbc.report.document import Bound, Cell, Curve, Item, Plot, Section, Table, percent
+from wbc.report.document import Bound, Cell, Curve, Item, Plot, Section, Strip, Table, percent
 from wbc.sim.scenario import ScenarioResult
 from wbc.types import Status
 
@@ -21,6 +21,10 @@ def section(result: ScenarioResult) -> Section | None:
     counts = measure.statuses(run)
     rows = [(name, n, percent(n / run.rows), _advice(name)) for name, n in counts.items()]
     items: list[Item] = [Table(("status", "ticks", "share", "meaning"), rows)]
+    made = {name: ticks for name, ticks in measure.fallbacks(run).items() if ticks.any()}
+    if len(made) > 1:
+        rows = [(name, int(ticks.sum()), percent(float(ticks.mean()))) for name, ticks in made.items()]
+        items.append(Table(("fallback level", "ticks", "share"), rows, "What made the command of each tick."))
     statistics = _statistics(result)
     if statistics:
         items.append(Table(("statistic", "value"), statistics, f"Solver {run.meta.get('solver')}, over all ticks."))
@@ -43,6 +47,10 @@ def _plots(result: ScenarioResult) -> list[Plot]:
         Plot(name, label, "", t, [Curve(label.lower(), np.asarray(run[name], dtype=float))], zero=True)
         for name, label in drawn
     ]
+    fallen = {name: ticks for name, ticks in measure.fallbacks(run).items() if name != "solved" and ticks.any()}
+    if fallen:
+        strips = [Strip(name, measure.intervals(run, ticks)) for name, ticks in fallen.items()]
+        plots.append(Plot("fallbacks", "Ticks that a fallback level answered", "", t, strips=strips))
     if "certificate" in run:
         proof = np.maximum(np.asarray(run["certificate"], dtype=float), LEAST)
         curves = [Curve(name, values) for name, values in zip(("primal", "dual", "gap"), proof.T, strict=True)]
