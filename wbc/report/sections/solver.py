@@ -23,8 +23,8 @@ def section(result: ScenarioResult) -> Section | None:
     items: list[Item] = [Table(("status", "ticks", "share", "meaning"), rows)]
     made = {name: ticks for name, ticks in measure.fallbacks(run).items() if ticks.any()}
     if len(made) > 1:
-        rows = [(name, int(ticks.sum()), percent(float(ticks.mean()))) for name, ticks in made.items()]
-        items.append(Table(("fallback level", "ticks", "share"), rows, "What made the command of each tick."))
+        often = [(name, int(ticks.sum()), percent(float(ticks.mean()))) for name, ticks in made.items()]
+        items.append(Table(("fallback level", "ticks", "share"), often, "What made the command of each tick."))
     statistics = _statistics(result)
     if statistics:
         items.append(Table(("statistic", "value"), statistics, f"Solver {run.meta.get('solver')}, over all ticks."))
