@@ -129,7 +129,9 @@ class Follow(metaclass=TellsArguments):
         follower = self._follower
         # A read in the past goes on from another one in the past: time was set back, or this is the second read of all.
         since = self._back if self._back < t < self._clock else self._clock
-        if t > since:
+        if not self.pushed:  # at rest, the clock may be set: a controller reads at 0 and one tick later when it is made
+            self._clock = t
+        elif t > since:
             follower.advance(min(t - since, _PAUSE))
             self._clock, self._back = t, inf
             if self._new:

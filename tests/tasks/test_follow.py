@@ -14,7 +14,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tasks import Follow
+import wbc
+from tasks import Follow, JointVelocityLimits, Position
 from wbc.errors import InvalidInput
 from wbc.types import Mat, Vec
 
@@ -171,6 +172,26 @@ def test_after_a_pause_or_when_time_is_set_back_it_goes_on_from_where_it_was() -
         values += [float(follow(start + 0.01 * k)[0][0]) for k in range(100)]
     assert 1.0 < values[-1] < 0.5 * 4.0 and (np.diff(values) >= 0.0).all()
     assert np.delete(np.diff(values), 99).max() <= 0.005 * (1 + 1e-6)
+
+
+@pytest.mark.parametrize("before", [True, False])
+def test_a_controller_that_was_made_follows_as_one_that_was_reset(before: bool) -> None:
+    """Whether the first sample comes before the controller is made or after."""
+    robot, found = wbc.load("arm"), []
+    for again in (False, True):
+        hand = Follow([0.4, 0.0, 0.5])
+        if before:
+            hand.push([0.4, 0.2, 0.5])
+        stack = wbc.Stack([Position("tool", target=hand)], subject_to=[JointVelocityLimits()])
+        controller = wbc.Controller(robot, stack, level=wbc.VelocityLevel())
+        if again:
+            hand.reset([0.4, 0.0, 0.5])
+            controller.reset()
+        if again or not before:
+            hand.push([0.4, 0.2, 0.5])
+        found.append([controller.tick(1e-3 * k, robot.q0, np.zeros(robot.nv)).v.copy() for k in range(20)])
+    np.testing.assert_array_equal(*found)
+    assert (found[0][0] != found[0][-1]).any()
 
 
 def test_what_is_no_sample_is_refused_and_counted_and_changes_nothing() -> None:
