@@ -30,7 +30,12 @@ _NEAR = 1e-2
 
 
 class Session(ABC):
-    """Memory of one solver for QPs of one shape: workspace, warm start, and ``counts`` of guesses, where it guesses."""
+    """Memory of one solver for QPs of one shape: workspace, warm start, and ``counts`` of guesses, where it guesses.
+
+    ``own`` is the certificate of the back end's own answer to the last problem, before its refinement.
+    """
+
+    own: Certificate
 
     def __init__(self, solver: Solver, shape: Shape) -> None:
         self.solver = solver
@@ -106,7 +111,7 @@ class Session(ABC):
         tolerance = self.solver.tolerance
         start = perf_counter()
         answer = self._solve(qp)
-        proof = answer.certificate(qp, tolerance)
+        proof = self.own = answer.certificate(qp, tolerance)
         if not proof.within(FINE * tolerance):
             answer, proof = self._improved(qp, answer, proof)
         elapsed = perf_counter() - start

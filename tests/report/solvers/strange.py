@@ -1,4 +1,5 @@
-"""Solvers that nobody should trust: one never answers, one takes its process down, one calls everything solved."""
+"""Solvers that nobody should trust: one never answers, one takes its process down, one calls everything solved, and one
+is wrong by a little."""
 
 from __future__ import annotations
 
@@ -10,7 +11,7 @@ from typing import final
 
 import numpy as np
 
-from wbc.qp import QP, Session, Shape, Solver
+from wbc.qp import QP, Session, Shape, Solver, solve
 from wbc.qp.solver import Answer
 from wbc.types import Status
 
@@ -46,8 +47,16 @@ class Lying(Strange):
     name = "lying"
 
 
+@final
+@dataclass(frozen=True)
+class Careless(Strange):
+    """Is off by a thousandth, with the right multipliers."""
+
+    name = "careless"
+
+
 class StrangeSession(Session):
-    """All three."""
+    """All of them."""
 
     def _solve(self, qp: QP) -> Answer:
         n, n_eq, n_in = qp.shape
@@ -55,5 +64,8 @@ class StrangeSession(Session):
             time.sleep(1000.0)
         if n > 3 and self.solver.name == "crashing":
             os.kill(os.getpid(), signal.SIGSEGV)
+        if self.solver.name == "careless":
+            right = solve(qp)
+            return Answer(Status.SOLVED, 1e-3 + right.x, right.y, right.z, right.z_box)
         print("what a back end prints must not disturb anybody")
         return Answer(Status.SOLVED, np.zeros(n), np.zeros(n_eq), np.zeros(n_in), np.zeros(n))

@@ -14,7 +14,7 @@ import pytest
 
 from tests.report.browser import browser, installed
 from tests.report.solvers.conftest import CLASSES, Compared
-from tests.report.solvers.strange import Lying
+from tests.report.solvers.strange import Careless, Lying
 from tests.report.test_formats import Page
 from wbc.errors import InvalidInput
 from wbc.qp import QP
@@ -23,11 +23,12 @@ from wbc.report.document import Marked, Plot, Report, Table
 from wbc.report.html import html
 from wbc.report.markdown import markdown
 from wbc.report.packed import data as data_of
-from wbc.report.solvers import redraw
+from wbc.report.solvers import compare, redraw
 from wbc.report.solvers.advice import advice
 from wbc.report.solvers.data import read
 from wbc.report.solvers.loop import closed_loop
 from wbc.report.solvers.page import page
+from wbc.report.solvers.problems import ProblemSet
 
 
 @pytest.fixture(scope="module")
@@ -130,6 +131,19 @@ def test_a_solver_with_which_the_robot_fails_is_not_advised_for_it(compared: Com
     for loop in data["loops"]:
         loop["ok"] = loop["solver"] != use
     assert {use, advised(data)["reach"]} == {"pdas", "osqp"}
+
+
+def test_a_solver_that_is_right_only_when_it_is_refined_is_told_so(ticks: ProblemSet):
+    data = compare(ticks, solvers=["pdas", Careless()], classes={"default": None}, rounds=1)
+    assert all(set(one["status"]) == {"SOLVED"} for one in data["measures"])
+    report = page(data)
+    solved = next(table for table in tables(report, "ticks") if "lost" in table.columns)
+    assert [str(row[1]) for row in solved.rows] == ["100 %", "100 % (0 % by itself)"]
+    alone = compare(ticks, solvers=[Careless()], classes={"default": None}, rounds=1)
+    assert (
+        "7 of its own solutions were not that good before the library refined them"
+        in advice(alone, alone["sets"][0]).sentence
+    )
 
 
 def test_ticks_that_another_solver_solved_are_said(compared: Compared):

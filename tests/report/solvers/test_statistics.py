@@ -40,7 +40,7 @@ def made(
     n, nothing = len(total), np.zeros(len(total))
     return Measure(
         "set", solver, asked, "warm", ["SOLVED"] * n, np.array(total, float), nothing, nothing,
-        np.array(rounds or [total], float), np.array(achieved, float), nothing, nothing, nothing, {}, {}, 0,
+        np.array(rounds or [total], float), np.array(achieved, float), nothing, nothing, nothing, nothing, {}, {}, 0,
     )  # fmt: skip
 
 

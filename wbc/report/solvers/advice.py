@@ -182,6 +182,9 @@ def _sentence(about: Data, use: Measure, following: Measure | None) -> str:
     lies = int(np.sum(use.says_solved & ~use.holds(TARGET)))
     if lies:
         words.append(f"{lies} answers that it calls solved are not that good")
+    mended = int(np.sum(use.holds(TARGET) & ~use.by_itself(TARGET)))
+    if mended:
+        words.append(f"{mended} of its own solutions were not that good before the library refined them")
     if about["kind"] == "sequence":
         period = period_of(about)
         part = f"takes {percent(top / period)} of" if top <= period else f"takes {_us(top)} and misses"

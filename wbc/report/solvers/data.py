@@ -15,7 +15,7 @@ from wbc.report.solvers.problems import ProblemSet
 from wbc.report.solvers.request import Request
 from wbc.sim.provenance import load
 
-FORMAT = 4
+FORMAT = 5
 Data = dict[str, Any]
 
 
@@ -126,6 +126,7 @@ def _columns(stretches: Sequence[Sequence[Sequence[Data]]]) -> Data:
         "primal": [r[0] for r in kkt],
         "dual": [r[1] for r in kkt],
         "gap": [r[2] for r in kkt],
+        "own": [row.get("own") for row in rows],
         "active": [row.get("active") for row in rows],
         "changed": [row.get("changed") for row in rows],
         "iterations": [row.get("iterations") for row in rows],

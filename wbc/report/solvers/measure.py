@@ -27,8 +27,8 @@ def solved(solver: Solver, qps: Sequence[QP], items: Iterable[int], *, warm: boo
 
     Cold, each problem gets a session of its own, and making it counts. Warm, one session goes through all of them. A
     row has the index, the status, [total, build, solve] in µs, [primal, dual, gap] where dual and gap are relative as
-    in a certificate, how far each task can be from its optimum, the violation by unit, the number of active rows and
-    how many of them changed.
+    in a certificate, how far each task can be from its optimum, the violation by unit, the number of active rows,
+    how many of them changed, and at what tolerance the back end's own answer is certified, before it is refined.
     """
     session: Session | None = None
     before: Vec | None = None
@@ -37,9 +37,9 @@ def solved(solver: Solver, qps: Sequence[QP], items: Iterable[int], *, warm: boo
         try:
             if warm:
                 session = session if session is not None and session.shape == qp.shape else solver.open(qp.shape)
-                answer, total = _timed(session, qp)
+                answer, total, own = _timed(session, qp)
             else:
-                answer, total = _cold(solver, qp)
+                answer, total, own = _cold(solver, qp)
         except WbcError:
             yield {"item": i, "status": "REFUSED"}
             continue
@@ -50,27 +50,30 @@ def solved(solver: Solver, qps: Sequence[QP], items: Iterable[int], *, warm: boo
         active = active_set(qp, answer)
         changed = None if before is None or len(before) != len(active) else int((before != active).sum())
         before = active
-        yield _row(i, qp, answer, total) | {"active": int(active.astype(bool).sum()), "changed": changed}
+        yield _row(i, qp, answer, total) | {
+            "active": int(active.astype(bool).sum()), "changed": changed, "own": plain(own),
+        }  # fmt: skip
 
 
-def _cold(solver: Solver, qp: QP) -> tuple[Solution, float]:
-    best: tuple[Solution, float] | None = None
+def _cold(solver: Solver, qp: QP) -> tuple[Solution, float, float]:
+    best: tuple[Solution, float, float] | None = None
     for _ in range(COLD_TRIES):
         start = perf_counter()
-        answer = solver.open(qp.shape).solve(qp)
+        session = solver.open(qp.shape)
+        answer = session.solve(qp)
         total = perf_counter() - start
         if best is None or total < best[1]:
-            best = answer, total
+            best = answer, total, session.own.level
         if total > LONG:
             break
     assert best is not None
     return best
 
 
-def _timed(session: Session, qp: QP) -> tuple[Solution, float]:
+def _timed(session: Session, qp: QP) -> tuple[Solution, float, float]:
     start = perf_counter()
     answer = session.solve(qp)
-    return answer, perf_counter() - start
+    return answer, perf_counter() - start, session.own.level
 
 
 def _row(i: int, qp: QP, answer: Solution, total: float) -> dict[str, Any]:

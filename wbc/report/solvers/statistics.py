@@ -24,7 +24,7 @@ class Measure:
     """One solver at one class on one set in one mode: columns as arrays, NaN where there is nothing.
 
     ``rounds`` (R, N) are the total times of each round, ``total`` the least of them; ``bounds`` says for each task how
-    far it can be from its optimum.
+    far it can be from its optimum. ``own`` is the tolerance at which the back end's own answer is certified.
     """
 
     set: str
@@ -39,6 +39,7 @@ class Measure:
     primal: Vec
     dual: Vec
     gap: Vec
+    own: Vec
     changed: Vec
     violation: Mapping[str, Vec]
     bounds: Mapping[str, Vec]
@@ -62,6 +63,10 @@ class Measure:
     def share(self, tolerance: float) -> float:
         """Share of problems answered to ``tolerance``."""
         return float(np.mean(self.holds(tolerance)))
+
+    def by_itself(self, tolerance: float) -> Any:
+        """For each problem whether the back end's own answer, before it is refined, is good to ``tolerance``."""
+        return self.own <= tolerance
 
     @property
     def says_solved(self) -> Any:
@@ -102,7 +107,8 @@ def _measure(entry: Data, keep: Sequence[int]) -> Measure:
         entry["set"], entry["solver"], entry["class"], entry["mode"], [entry["status"][i] for i in keep],
         column(entry["total_us"]), column(entry["build_us"]), column(entry["solve_us"]),
         np.stack([column(times) for times in entry["rounds_us"]]),
-        column(entry["primal"]), column(entry["dual"]), column(entry["gap"]), column(entry["changed"]),
+        column(entry["primal"]), column(entry["dual"]), column(entry["gap"]), column(entry["own"]),
+        column(entry["changed"]),
         {unit: column(values) for unit, values in entry["violation"].items()},
         {task: column(values) for task, values in entry["bounds"].items()}, sum(int(i) in keep for i in entry["lost"]),
     )  # fmt: skip
