@@ -61,8 +61,6 @@ def active(controller: Solving) -> list[Active]:
     pushing = np.concatenate([z, z_box])
     largest = np.abs(pushing).max(initial=0.0)
     rows = np.flatnonzero(np.abs(pushing) > max(SAME, NEAR * largest))
-    if not len(rows):
-        return []
     plan, p = controller.plan, controller.answering.answered
     value, lower, upper = _bounded(controller)
     found = []

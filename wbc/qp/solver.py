@@ -35,8 +35,6 @@ class Session(ABC):
     ``own`` is the certificate of the back end's own answer to the last problem, before its refinement.
     """
 
-    own: Certificate
-
     def __init__(self, solver: Solver, shape: Shape) -> None:
         self.solver = solver
         self.shape = shape

@@ -140,10 +140,8 @@ def test_a_solver_that_is_right_only_when_it_is_refined_is_told_so(ticks: Proble
     solved = next(table for table in tables(report, "ticks") if "lost" in table.columns)
     assert [str(row[1]) for row in solved.rows] == ["100 %", "100 % (0 % by itself)"]
     alone = compare(ticks, solvers=[Careless()], classes={"default": None}, rounds=1)
-    assert (
-        "7 of its own solutions were not that good before the library refined them"
-        in advice(alone, alone["sets"][0]).sentence
-    )
+    said = advice(alone, alone["sets"][0]).sentence
+    assert "7 of its own solutions were not that good before the library refined them" in said
 
 
 def test_ticks_that_another_solver_solved_are_said(compared: Compared):
