@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 import wbc
 from tests.seeds import generator
 from wbc.models.feet import Foot
+from wbc.robots import BaseEstimator, ImuNoise
 from wbc.types import Mat, Vec
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
@@ -26,6 +27,12 @@ NAMES = tuple(ROBOT.feet)
 #: Feet that touch in one point, which does not roll.
 POINTS = [Foot(name, "point", 0.6) for name in NAMES]
 WEIGHT = 9.81 * ROBOT.mass
+QUIET = ImuNoise(1e-5, 1e-5, 0.0, 0.0, 0.0, 0.0)
+
+
+def estimator(**settings: Any) -> BaseEstimator:
+    """One that trusts the sensors, from the first sample on."""
+    return BaseEstimator(ROBOT, POINTS, **{"noise": QUIET, "settle": 0.0, **settings})
 
 
 def sums(phi: Vec) -> tuple[Mat, Mat, Mat]:

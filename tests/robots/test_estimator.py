@@ -17,10 +17,12 @@ from tests.robots.motions import (
     GRAVITY,
     NAMES,
     POINTS,
+    QUIET,
     ROBOT,
     WEIGHT,
     Motion,
     errors,
+    estimator,
     inverse,
     moved_by,
     standing,
@@ -29,22 +31,13 @@ from tests.robots.motions import (
     turned,
 )  # fmt: skip
 from tests.seeds import generator
-from wbc.errors import InvalidInput, UnknownFrame
-from wbc.models.feet import Foot
-from wbc.models.plausible import ImplausibleUnit
 from wbc.robots import SENSORS, BaseEstimator, ImuNoise
-from wbc.sim.spoiling import RUBBISH, spoilt
 from wbc.types import Mat, Vec
 
-QUIET = ImuNoise(1e-5, 1e-5, 0.0, 0.0, 0.0, 0.0)
 NOISE = ImuNoise(
     gyro=5e-4, accelerometer=5e-3, gyro_bias=0.01, accelerometer_bias=0.1, gyro_walk=0, accelerometer_walk=0
 )
 JOINT = 1e-3
-
-
-def estimator(**settings: Any) -> BaseEstimator:
-    return BaseEstimator(ROBOT, POINTS, **{"noise": QUIET, "settle": 0.0, **settings})
 
 
 def followed(one: BaseEstimator, motion: Motion, start: Motion | None = None) -> tuple[Mat, Mat]:
@@ -370,87 +363,6 @@ def test_an_imu_beside_the_base_tells_the_same() -> None:
     assert np.abs(found[:, :6]).max() < 1e-8
 
 
-# ---- what comes in
-def sound(k: int) -> dict[str, Any]:
-    return standing(duration=0.2).sample(k)
-
-
-@pytest.mark.parametrize(
-    "part, value, said",
-    [
-        ("joint_q", np.full(12, np.nan), "joint_q"),
-        ("joint_v", np.array([np.inf, *np.zeros(11)]), "joint_v"),
-        ("gyro_in_imu", np.array([0.0, 36.0, 0.0]), "gyro_in_imu"),
-        ("acceleration_in_imu", np.zeros(4), "acceleration_in_imu"),
-        ("acceleration_in_imu", "down", "acceleration_in_imu"),
-        ("forces", {NAMES[0]: 30.0}, "forces"),
-        ("forces", dict.fromkeys(NAMES, np.nan), "forces"),
-        ("t", 0.0, "not later"),
-        ("t", np.nan, "t is nan"),
-    ],
-)
-def test_a_spoilt_sample_is_named_and_leaves_no_trace(part: str, value: Any, said: str) -> None:
-    ends = []
-    for spoils in (False, True):
-        one = estimator()
-        one.reset(*(standing(duration=0.2).q[0], standing(duration=0.2).v[0]))
-        for k in range(20):
-            q, v = one.update(**sound(k))
-        if spoils:
-            back = one.update(**{**sound(20), part: value})
-            assert said in one.why and one.why.startswith("sample left out")
-            assert np.array_equal(back[0], q) and np.array_equal(back[1], v)
-        for k in range(21, 30):
-            q, v = one.update(**sound(k))
-        assert one.why == ""
-        ends.append(np.concatenate([q, v]))
-    assert np.array_equal(*ends)
-
-
-@settings(max_examples=30, deadline=None)
-@given(st.integers(0, 10**6))
-def test_nothing_that_is_not_finite_comes_out(seed: int) -> None:
-    rng, one = np.random.default_rng(seed), estimator()
-    t = 0.0
-    for k in range(30):
-        sample = sound(k)
-        t = float(t + rng.choice([1e-9, 2e-3, 0.1, 10.0, 1e6]))
-        sample["t"] = t
-        for part in ("joint_q", "joint_v", "gyro_in_imu", "acceleration_in_imu"):
-            if rng.uniform() < 0.3:
-                sample[part] = spoilt(sample[part], rng)
-        if rng.uniform() < 0.2:
-            sample["forces"] = dict(zip(NAMES, rng.choice(RUBBISH, 4).tolist(), strict=True))
-        q, v = one.update(**sample)
-        assert np.isfinite(q).all() and np.isfinite(v).all() and np.isfinite(one.covariance).all()
-        assert abs(np.linalg.norm(q[3:7]) - 1.0) < 1e-9
-
-
-@pytest.mark.parametrize("start", [0.0, 1e5, 1.8e9])
-def test_samples_at_fifty_hertz_are_no_gaps(start: float) -> None:
-    """At any time of day: differences of the times are then up to 0.2 µs longer than the 20 ms of a gap."""
-    motion = standing(0.02)
-    estimator = BaseEstimator(ROBOT, POINTS)
-    estimator.reset(motion.q[0], motion.v[0])
-    for k in range(1, len(motion.t)):
-        q, v = estimator.update(**{**motion.sample(k), "t": start + float(motion.t[k])})
-        assert not estimator.why
-        assert np.abs(errors(q, v, motion.q[k], motion.v[k])).max() < 0.02
-
-
-def test_after_a_gap_it_begins_to_see_again() -> None:
-    motion, one = standing(), estimator(flex=1e-4)
-    one.reset(motion.q[0], motion.v[0])
-    for k in range(len(motion.t)):
-        if not 200 < k < 400:
-            q, v = one.update(**motion.sample(k))
-            if k == 400:
-                assert "nothing was heard for 0.4 s" in one.why
-    # By how much the base turned about the vertical meanwhile nobody sees, so its velocity is seen in its own axes.
-    assert np.abs(v[:3] - motion.v[-1][:3]).max() < 1e-5
-    assert np.abs(errors(q, v, motion.q[-1], motion.v[-1])[3:5]).max() < 1e-5
-
-
 def test_the_covariance_stays_one_in_a_long_run() -> None:
     one, at_rest = BaseEstimator(ROBOT), np.array([0.0, 0.0, 9.81])
     for k in range(5_000):
@@ -459,39 +371,6 @@ def test_the_covariance_stays_one_in_a_long_run() -> None:
     assert np.abs(P - P.T).max() <= 1e-12 * np.abs(P).max()
     assert np.linalg.eigvalsh(P)[0] > -1e-12 * np.abs(P).max()
     assert np.abs(one._filter.R @ one._filter.R.T - np.eye(3)).max() < 1e-12
-
-
-@pytest.mark.parametrize(
-    "make, said",
-    [
-        (lambda: BaseEstimator(wbc.load("arm")), "floating base"),
-        (lambda: BaseEstimator(ROBOT, []), "contacts"),
-        (lambda: BaseEstimator(ROBOT, [NAMES[0], NAMES[0]]), "contacts"),
-        (lambda: BaseEstimator(ROBOT, [Foot(NAMES[0], "sole", 0.6)]), "is a sole without half_size"),
-        (lambda: BaseEstimator(ROBOT, imu_frame=NAMES[0]), "link of the base"),
-        (lambda: BaseEstimator(ROBOT, make=0.01, break_=0.02), "break_"),
-        (lambda: BaseEstimator(ROBOT, flex=0.0), "flex"),
-        (lambda: ImuNoise(gyro=-1.0), "gyro"),
-        (lambda: BaseEstimator(ROBOT).reset(np.zeros(19), np.zeros(18)), "length"),
-        (lambda: BaseEstimator(ROBOT).reset(ROBOT.q0, np.zeros(17)), "shape"),
-    ],
-)
-def test_what_makes_no_sense_is_refused(make: Any, said: str) -> None:
-    with pytest.raises(InvalidInput, match=said):
-        make()
-
-
-def test_a_start_with_w_first_is_warned_about() -> None:
-    q = np.array(ROBOT.q0)
-    q[3:7] = [1.0, 0.0, 0.0, 0.0]
-    with pytest.warns(ImplausibleUnit, match="upside down: quaternions are x, y, z, w here"):
-        BaseEstimator(ROBOT).reset(q, np.zeros(18))
-
-
-def test_frames_that_are_not_there_are_refused_by_name() -> None:
-    for settings_ in ({"contacts": ["nose"]}, {"imu_frame": "nose"}):
-        with pytest.raises(UnknownFrame, match="nose"):
-            BaseEstimator(ROBOT, **settings_)  # type: ignore[arg-type]
 
 
 def test_the_rate_of_a_base_that_a_leg_swings_is_not_late():

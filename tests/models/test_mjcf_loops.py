@@ -1,0 +1,97 @@
+"""What closes loops in an MJCF is the loop that MuJoCo closes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import wbc
+from tasks import Posture, loop_closures
+
+mujoco = pytest.importorskip("mujoco", reason="the extra `sim`")
+pytestmark = pytest.mark.physics
+
+#: Two chains of two links with joints about some axis; x, y, z are places of the ends.
+CHAINS = """
+<mujoco model="loop"><compiler angle="radian"/>
+  <worldbody>
+    <body name="a1" pos="0.1 0 0.2"><joint name="a1" axis="{axis}"/><geom type="box" size=".1 .02 .02" pos=".1 0 0"/>
+      <body name="a2" pos="0.2 0 0" euler="0.3 0 0"><joint name="a2" axis="{second}"/><site name="tip" pos=".1 0.02 0"
+        euler="0 0.2 0"/><geom type="box" size=".1 .03 .02" pos=".1 0 0"/></body></body>
+    <body name="b1" pos="-0.1 0 0.2"><joint name="b1" axis="{axis}"/><geom type="box" size=".1 .02 .02" pos="-.1 0 0"/>
+      <body name="b2" pos="-0.2 0 0"><joint name="b2" axis="{second}"/><site name="end" pos="-.1 0.03 0"/>
+        <geom type="box" size=".1 .02 .02" pos="-.1 0 0"/></body></body>
+  </worldbody>
+  <equality>{equality}</equality>
+</mujoco>
+"""
+CLOSED = {
+    "a ball joint": '<connect name="pin" body1="a2" body2="b2" anchor="0.1 0.2 0.3"/>',
+    "a ball joint in the world": '<connect name="pin" body1="b2" anchor="0.1 0 0.1"/>',
+    "sites in one place": '<connect name="pin" site1="tip" site2="end"/>',
+    "a weld": '<weld name="pin" body1="a2" body2="b2"/>',
+    "a weld in a pose": '<weld name="pin" body1="a2" body2="b2" relpose=".1 .2 .3 .5 .5 .5 .5" anchor=".1 0 0"/>',
+    "a weld of sites": '<weld name="pin" site1="tip" site2="end"/>',
+}
+
+
+@pytest.mark.parametrize("closed", CLOSED)
+def test_an_equality_of_bodies_is_the_loop_that_mujoco_closes(tmp_path, closed):
+    path = tmp_path / "loop.xml"
+    path.write_text(CHAINS.format(axis="0 1 0", second="0 0 1", equality=CLOSED[closed]))
+    robot = wbc.load(path)
+    (closure,) = loop_closures(robot)
+    assert (closure.name, closure.dim) == ("pin", 6 if "weld" in closed else 3)
+    physics = mujoco.MjModel.from_xml_path(str(path))
+    data, state = mujoco.MjData(physics), robot.state()
+    for seed in range(5):
+        q = np.random.default_rng(seed).uniform(-1, 1, 4)
+        data.qpos[[int(physics.jnt(joint).qposadr[0]) for joint in robot.joint_names]] = q
+        mujoco.mj_forward(physics, data)
+        state.update(0.0, q, np.zeros(4))
+        ours, theirs = state.frame(closure.frame), state.frame(closure.carrier)
+        np.testing.assert_allclose(ours.position - theirs.position, data.efc_pos[:3], atol=1e-9)
+        if closure.dim == 6:  # MuJoCo has 2 sin(angle/2) times an axis, scaled
+            turned = np.linalg.norm(data.efc_pos[3:6])
+            cosine = np.clip((np.trace(ours.rotation.T @ theirs.rotation) - 1.0) / 2.0, -1.0, 1.0)
+            assert turned == pytest.approx(np.sin(np.arccos(cosine) / 2.0), abs=1e-9)
+
+
+def test_rows_that_a_mechanism_keeps_by_itself_are_left_out(tmp_path):
+    path = tmp_path / "loop.xml"
+    path.write_text(
+        CHAINS.format(axis="0 1 0", second="0 1 0", equality=CLOSED["a ball joint"]).replace("0.3 0 0", "0 0 0")
+    )
+    (closure,) = loop_closures(wbc.load(path), kp=400.0)
+    assert closure.wrench_axes == (0, 2) and closure.kp == 400.0
+
+
+def test_a_four_bar_from_a_file_stays_closed(tmp_path):
+    path = tmp_path / "loop.xml"
+    closed = '<connect name="pin" body1="a2" body2="b2" anchor="0.1 0 0.3"/>'
+    path.write_text(CHAINS.format(axis="0 1 0", second="0 1 0", equality=closed).replace("0.3 0 0", "0 0 0"))
+    robot = wbc.load(path)
+    closures = loop_closures(robot, kp=900.0)
+    stack = wbc.Stack([Posture([0.3, -0.6, 0.0, 0.0])], contacts=closures)
+    controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), dt=1e-3)
+    q, v, state = robot.q0, np.zeros(4), robot.state()
+    state.update(0.0, q, v)
+    gap = state.frame(closures[0].frame).position - state.frame(closures[0].carrier).position
+    for tick in range(500):
+        command = controller.tick(tick * 1e-3, q, v)
+        assert command.status.ok
+        q, v = command.q, command.v
+    state.update(0.5, q, v)
+    after = state.frame(closures[0].frame).position - state.frame(closures[0].carrier).position
+    assert np.abs(q - robot.q0).max() > 0.05 and np.abs(gap[[0, 2]]).max() < 1e-9
+    assert np.abs(after[[0, 2]]).max() < 1e-4
+
+
+def test_an_equality_that_joins_nothing_of_the_robot_is_left_out_and_said(tmp_path):
+    path = tmp_path / "loop.xml"
+    table = '<body name="table" pos="1 0 0"><geom size=".1"/></body></worldbody>'
+    closed = '<weld name="glue" body1="a2" body2="table"/><joint name="stuck" joint1="a1"/>'
+    path.write_text(CHAINS.format(axis="0 1 0", second="0 0 1", equality=closed).replace("</worldbody>", table))
+    with pytest.warns(UserWarning, match=r"'stuck' is left out: .*'glue' is left out: it joins no two links"):
+        robot = wbc.load(path)
+    assert loop_closures(robot) == []
