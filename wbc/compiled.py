@@ -191,7 +191,7 @@ class _Teller(_events.Listener):  # type: ignore[misc]
     """Says once on a terminal that machine code is being made."""
 
     def __init__(self) -> None:
-        self._has_told = not sys.stderr.isatty()
+        self._has_told = sys.stderr is None or not sys.stderr.isatty()  # None: a service has closed it
 
     def on_start(self, event: Any) -> None:
         if not self._has_told:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import shlex
+import subprocess
+import sys
 import warnings
 from pathlib import Path
 
@@ -85,3 +89,27 @@ def test_a_report_is_an_absolute_address_and_opened_when_asked(monkeypatch, caps
 @pytest.mark.parametrize(("seconds", "said"), [(0.2, "1 s"), (59.5, "60 s"), (300.0, "5 min"), (7200.0, "2.0 h")])
 def test_a_rough_time(seconds: float, said: str):
     assert console.remaining(seconds) == said
+
+
+def _answered(redirected: str, *words: str, **environment: str) -> int:
+    """The exit code of ``wbc WORDS`` in a shell that ends with ``redirected``."""
+    line = " ".join(map(shlex.quote, (sys.executable, "-m", "wbc", *words)))
+    how = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2]), **environment}
+    return subprocess.run(["bash", "-o", "pipefail", "-c", f"{line} {redirected}"], env=how).returncode
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_reader_that_goes_away_is_no_verdict(unbuffered):
+    assert _answered("2>/dev/null | true", "list", PYTHONUNBUFFERED=unbuffered) == console.UNREAD
+
+
+@pytest.mark.parametrize("closed", ["2>&-", ">&- 2>&-", ">&- 2>&- <&-"])
+def test_closed_streams_change_no_exit_code(closed):
+    assert _answered(closed, "run", "nosuch") == console.BAD_INPUT
+    assert _answered(closed, "derive", "PR") == 0
+
+
+def test_a_stdout_that_cannot_encode_a_sign_gets_it_escaped(tmp_path):
+    said = tmp_path / "said"
+    assert _answered(f"> {said}", "derive", "PR", PYTHONIOENCODING="ascii") == 0
+    assert "\\u" in said.read_text("ascii")

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 
 def main() -> None:
-    """Run the command line and exit: 0 good, 1 a verdict of no, 2 bad input or a scenario's error, 130 interrupted."""
+    """Run the command line and exit: 0 good, 1 a verdict of no, 2 bad input or a scenario's error, 130 interrupted,
+    141 nobody reads what it prints."""
     from wbc.cli.app import run_app
 
     run_app()

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import warnings
+from io import TextIOWrapper
 from traceback import print_exc
 from typing import Annotated, Any
 
@@ -12,7 +14,7 @@ import typer
 from wbc import __version__
 from wbc.cli.bench import bench
 from wbc.cli.compare import compare
-from wbc.cli.console import BAD_INPUT, complain
+from wbc.cli.console import BAD_INPUT, UNREAD, complain
 from wbc.cli.deploy import deploy
 from wbc.cli.derive import derive
 from wbc.cli.doctor import doctor
@@ -54,12 +56,25 @@ def top(
 
 
 def run_app() -> None:
-    """Run the command line; what it cannot understand is one sentence on stderr, not a page of help."""
+    """Run the command line; what it cannot understand is one sentence on stderr, not a page of help.
+
+    Characters that stdout cannot encode are escaped there.
+    """
     # Typer brings a click of its own, or uses the installed one; the base of its public error is right in both.
     usage_error: Any = typer.BadParameter.__base__
+    for number, name in ((1, "stdout"), (2, "stderr")):
+        if getattr(sys, name) is None:  # closed: the next file to be opened would get its number, and what C prints
+            _silence(number)
+            setattr(sys, name, open(number, "w", encoding="utf-8"))
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
     warnings.formatwarning = lambda message, *_, **__: f"note: {' '.join(str(message).split())}\n"
     try:
-        sys.exit(app(prog_name="wbc", standalone_mode=False) or 0)
+        code = app(prog_name="wbc", standalone_mode=False)
+        sys.stdout.flush()
+    except (BrokenPipeError, SystemExit):  # typer and rich exit with 1, which would be a verdict of no
+        _silence(1)
+        sys.exit(UNREAD)
     except usage_error as error:
         complaint: Any = error
         verb = "wbc" if complaint.ctx is None else complaint.ctx.command_path
@@ -68,3 +83,9 @@ def run_app() -> None:
     except Exception:  # a bug, ours or the user's: Python's own exit code, 1, would be that of a verdict
         print_exc()
         sys.exit(BAD_INPUT)
+    sys.exit(code or 0)
+
+
+def _silence(number: int) -> None:
+    """What is written to a file descriptor is lost from here on."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), number)

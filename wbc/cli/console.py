@@ -29,7 +29,7 @@ from wbc.errors import SimulationError, WbcError
 from wbc.files import written
 from wbc.sim.scenario import Progress as Report
 
-NO, BAD_INPUT, INTERRUPTED = 1, 2, 130
+NO, BAD_INPUT, INTERRUPTED, UNREAD = 1, 2, 130, 141
 
 #: How often long work says how far it is where there is no terminal to draw a bar on [s].
 SECONDS_PER_LINE = 10.0
@@ -134,11 +134,7 @@ def remaining(seconds: float) -> str:
 def on_stderr() -> Iterator[None]:
     """Whatever is printed meanwhile, by libraries in C too, goes to stderr: stdout is for the answer alone."""
     sys.stdout.flush()
-    try:
-        kept = os.dup(1)
-    except OSError:  # closed: nothing can be printed there
-        yield
-        return
+    kept = os.dup(1)
     try:
         os.dup2(2, 1)
         with redirect_stdout(sys.stderr):
