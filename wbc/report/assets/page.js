@@ -52,6 +52,7 @@
   const colour = (k) => () => style(`--curve-${k % 8}`);
   const dashes = [undefined, [7, 4], [2, 3], [10, 3, 2, 3]];
   const dashOfBound = (k) => [[5, 3], [2, 2], [11, 3], [8, 3, 2, 3]][k % 4];
+  const sample = (dash) => `<svg viewBox="0 0 26 6" aria-hidden="true"><path d="M0 3H26" stroke-dasharray="${dash.join(" ")}"/></svg>`;
   const ink = () => style("--ink"), line = () => style("--line"), soft = () => style("--soft");
 
   // ---- plots
@@ -126,7 +127,7 @@
     const list = Object.assign(document.createElement("div"), { className: "bounds" });
     bounds.forEach((bound, k) => {
       const one = document.createElement("span");
-      one.innerHTML = `<svg viewBox="0 0 26 6" aria-hidden="true"><path d="M0 3H26" stroke-dasharray="${dashOfBound(k).join(" ")}"/></svg>`;
+      one.innerHTML = sample(dashOfBound(k));
       one.append(bound.label);
       list.append(one);
     });
@@ -211,10 +212,15 @@
         y: false, drag: { x: true, y: false, dist: 4 },
         sync: spec.time ? { key: "time", scales: ["x", null], filters: { sub: (type) => type === "mousemove" && visible.get(box) } } : undefined,
       },
-      legend: { show: !spec.strips.length, markers: { dash: (u, k) => (u.series[k].dash ? "dashed" : "solid") } },
+      legend: { show: !spec.strips.length },
       hooks,
     }, [x, ...columns, ...(spec.strips.length ? [x.map(() => null)] : [])], box);
     box.plot = u;
+    box.querySelectorAll(".u-marker").forEach((marker, k) => {  // the first one is of x
+      if (!u.series[k].dash) return;
+      marker.outerHTML = sample(u.series[k].dash);
+      box.querySelectorAll(".u-series th")[k].firstChild.style.stroke = curves[k - 1].faint ? "var(--soft)" : `var(--curve-${curves[k - 1].colour % 8})`;
+    });
     if (spec.bounds.length) box.append(key(spec.bounds));
     if (spec.time) {
       plots.push({ u, box, head });
