@@ -206,3 +206,18 @@ def test_every_run_is_in_a_bar(errors: list[float]):
              if isinstance(item, Plot) and item.name.startswith("demand")]  # fmt: skip
     for plot in plots:
         assert np.nansum(plot.curves[0].values) == len(errors) and np.all(np.diff(plot.x) > 0)
+
+
+@pytest.mark.parametrize("bound", [0.2, 2.0, 200.0, -200.0])
+def test_a_bar_of_a_demand_is_as_wide_wherever_the_bound_is(bound: float):
+    results = [
+        {"run": k, "ok": True, "error": None, "figures": {}, "tracking": {}, "units": {}, "parameters": {},
+         **dict.fromkeys(TOLD), "demands": [{"demand": "error", "value": 0.1 * k, "relation": "<", "bound": bound,
+                                             "unit": "m", "ok": True}]}
+        for k in range(1, 13)
+    ]  # fmt: skip
+    report = summary(HEADER, results)
+    plot = next(one for section in report.sections for one in section.items if isinstance(one, Plot))
+    ends = min(*plot.x, bound), max(*plot.x, bound)
+    assert np.diff(plot.x) == pytest.approx((ends[1] - ends[0]) / (len(plot.x) - 1))
+    assert np.nansum(plot.curves[0].values) == 12

@@ -212,7 +212,7 @@ def _demands(found: Sequence[Demand]) -> Iterator[Item]:
         bounds = dict.fromkeys(number(x) for x in _spread(one.bounds)[::2])
         bound = f"{sign} {' to '.join(bounds)} {one.unit}".rstrip()
         rows.append([one.text, bound, met if all(one.met) else Marked(met, "bad"), *_spread(one.values)])
-    note = "Over all runs that ended. A value that is not a number meets no demand, and is not in the columns behind."
+    note = "Over all runs that ended. A value that is not a number meets no demand, and is left out of least, median and largest."
     yield Table(("demand", "bound", "met", "least", "median", "largest"), rows, note)
     for k, one in enumerate(found):
         if one.varies:
@@ -220,15 +220,10 @@ def _demands(found: Sequence[Demand]) -> Iterator[Item]:
 
 
 def _histogram(name: str, one: Demand) -> Plot:
-    """Bars of one width that reach to the bound, unless that is far from everything."""
+    """Bars of one width over the values and the bound, so that they are as wide wherever the bound is."""
     finite = one.values[np.isfinite(one.values)]
-    bars, edges = np.histogram(finite, bins=min(_BARS, max(5, len(finite) // 2)))
-    width, count = edges[1] - edges[0], len(bars)
-    at = float(edges[0]) if one.bound is None else one.bound
-    before, after = (max(0, int(np.ceil(gap / width))) for gap in (edges[0] - at, at - edges[-1]))
-    if max(before, after) <= count:
-        edges = edges[0] + width * np.arange(-before, count + after + 1)
-        bars = np.pad(bars, (before, after))
+    shown = finite if one.bound is None else np.append(finite, one.bound)
+    bars, edges = np.histogram(finite, min(_BARS, max(5, len(finite) // 2)), (float(shown.min()), float(shown.max())))
     curve = Curve("runs", np.append(np.where(bars > 0, bars, np.nan), np.nan))
     over = f"value [{one.unit}]" if one.unit else "value"
     bounds = [] if one.bound is None else [Bound(one.bound, "bound", "x")]
