@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -77,9 +78,9 @@ def test_an_interrupt_says_how_to_go_on_and_that_goes_on(wbc, problems: Path, ow
     given = (reach, "--duration", "0.02", "--ticks", "2", "--no-loop") if own else (problems,)
     with monkeypatch.context() as stopped:
         stopped.setattr("wbc.report.solvers.comparison.work", interrupted)
-        answer = wbc("report", "solvers", *given, "--solver", "pdas", "--rounds", "1", "--out", "report")
-    assert answer.code == 130 and "--resume --out report" in answer.err
-    again = wbc(*answer.err.rsplit("stays: wbc ", 1)[1].split())
+        answer = wbc("report", "solvers", *given, "--solver", "pdas", "--rounds", "1", "--out", "my report")
+    assert answer.code == 130 and "--resume --out 'my report'" in answer.err
+    again = wbc(*shlex.split(answer.err.rsplit("stays: wbc ", 1)[1]))
     assert again.code == 0 and "report.html" in again.out, again.err
 
 

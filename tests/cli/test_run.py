@@ -258,12 +258,13 @@ def test_ctrl_c_while_the_report_is_drawn_keeps_the_run(wbc, waving, tmp_path, m
 
     with monkeypatch.context() as drawing:
         drawing.setattr("wbc.report.folder.html", interrupted)
-        answer = wbc("run", waving, "--out", "report")
-    assert answer.code == 130 and "`wbc report run report` draws its report" in answer.err
-    assert not (tmp_path / "report" / "report.html").exists() and Run.load(tmp_path / "report").rows == 40
-    again = wbc("report", "run", "report")
-    assert again.code == 0 and "wave" in (tmp_path / "report" / "report.html").read_text()
-    assert "it waves" in (tmp_path / "report" / "report.md").read_text()
+        answer = wbc("run", waving, "--out", "my report")
+    folder = tmp_path / "my report"
+    assert answer.code == 130 and "`wbc report run 'my report'` draws its report" in answer.err
+    assert not (folder / "report.html").exists() and Run.load(folder).rows == 40
+    again = wbc("report", "run", "my report")
+    assert again.code == 0 and "wave" in (folder / "report.html").read_text()
+    assert "it waves" in (folder / "report.md").read_text()
 
 
 def test_a_folder_that_cannot_be_written_is_refused_before_the_run(wbc, waving):

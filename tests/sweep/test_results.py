@@ -176,12 +176,13 @@ def test_nothing_stands_twice_and_rounding_is_no_picture(forces: list[dict[str, 
 def test_the_worst_run_stands_first_and_leads_to_its_page_or_says_how_to_make_it(
     forces: list[dict[str, Any]], tmp_path: Path
 ):
-    (tmp_path / "run-6").mkdir()
-    (tmp_path / "run-6" / "report.html").write_text("")
-    report = summary(HEADER, forces, tmp_path)
+    folder = tmp_path / "my sweep"
+    (folder / "run-6").mkdir(parents=True)
+    (folder / "run-6" / "report.html").write_text("")
+    report = summary(HEADER, forces, folder)
     rows = next(i for i in report.items if isinstance(i, Table) and i.columns[0] == "run").rows
     assert [row[0] for row in rows] == [7, 6, 5]
-    assert rows[0][3] == f"wbc sweep --repeat 7 --out {tmp_path}" and rows[1][3] == Address(
+    assert rows[0][3] == f"wbc sweep --repeat 7 --out '{folder}'" and rows[1][3] == Address(
         "replay", "run-6/report.html"
     )
     assert "error: 0.07, must be < 0.05 m" in rows[0][1] and "push at base [N] = 55" in rows[0][2]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import warnings
 from pathlib import Path
 from typing import Annotated, Any
@@ -107,8 +108,9 @@ def solvers(
         wanted = [*(sources or ()), *(name for name in SCENARIOS if every and name not in (sources or ()))]
         if not wanted and not resume:
             raise InvalidInput("give a scenario, a folder of QPs, or --all")
-        named = "".join(f"{source} " for source in sources or () if ":" in source)
-        going_on = f"what was measured stays: wbc report solvers {named}--resume --out {folder}"
+        named = [source for source in sources or () if ":" in source]
+        again = shlex.join(["wbc", "report", "solvers", *named, "--resume", "--out", str(folder)])
+        going_on = f"what was measured stays: {again}"
         with working("comparing") as step, kept(going_on):
             if resume:
                 measured = comparing.resume(folder, trusted=wanted, progress=step)

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from shlex import quote
 from traceback import extract_tb
 from typing import TYPE_CHECKING, Annotated, Any
 from weakref import ref
@@ -111,7 +112,7 @@ def run(
                 raise
             (pending / HTML).unlink(missing_ok=True)  # half of it, perhaps
     if report is None:
-        raise KeyboardInterrupt(f"the run is in {folder}, and `wbc report run {folder}` draws its report")
+        raise KeyboardInterrupt(f"the run is in {folder}, and `wbc report run {quote(str(folder))}` draws its report")
     if raised:
         complain(f"{raised}; the run is in {folder}")
         raise typer.Exit(BAD_INPUT)
@@ -221,6 +222,6 @@ def _print(sentence: str, result: ScenarioResult, folder: Path, *, show: bool) -
     say(sentence, "", made, "")
     failure = result.run.meta.get("failure")
     if failure:
-        where = "" if result.run.failed is None else f"\nits QP: wbc explain {folder / FAILED_FILE}"
+        where = "" if result.run.failed is None else f"\nits QP: wbc explain {quote(str(folder / FAILED_FILE))}"
         say(f"{failure['why']}{where}", "")
     reported(folder / HTML, show=show)

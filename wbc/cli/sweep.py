@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -61,8 +62,9 @@ def sweep(
         return
     folder = place(out, "sweep")
     how: dict[str, Any] = {"scheduler": scheduler, "workers": workers}
-    named = f"{scenario} " if scenario and ":" in scenario else ""
-    going_on = f"finished runs are kept; continue with: wbc sweep {named}--resume --out {folder}"
+    named = [scenario] if scenario and ":" in scenario else []
+    again = shlex.join(["wbc", "sweep", *named, "--resume", "--out", str(folder)])
+    going_on = f"finished runs are kept; continue with: {again}"
     with working("sweeping") as step, kept(going_on):
         if resume:
             report = sweeping.resume(folder, scenario=scenario, progress=step, **how)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -354,7 +355,8 @@ def page_of(run: int) -> str:
 def again(header: Mapping[str, Any], run: int, folder: Path | None) -> str:
     """The command that does a run once more and makes its page."""
     scenario = str((header.get("plan") or {}).get("scenario", ""))
-    return f"wbc sweep {f'{scenario} ' if ':' in scenario else ''}--repeat {run} --out {folder or 'FOLDER'}"
+    named = [scenario] if ":" in scenario else []
+    return shlex.join(["wbc", "sweep", *named, "--repeat", str(run), "--out", str(folder or "FOLDER")])
 
 
 def _ordered(results: Sequence[Result]) -> list[Result]:
