@@ -158,7 +158,8 @@ def _section(shown: Sequence[Trial], joint: str) -> Section:
     error = judge.beside(
         "tool", f"{joint} dies: the tool's error", "mm", shown,
         lambda trial: np.maximum(1e3 * trial.error("Position"), 1e-3), log="y",
-        caption="One of the joints. The path is three-dimensional: six joints can follow it.",
+        caption="One of the joints. The path is three-dimensional: six joints can follow it. Errors "
+        "below 0.001 mm are drawn as 0.001 mm.",
     )  # fmt: skip
     felt = Plot(
         "residuals", "Residuals about the fault; restarted when the brake is set", "N m", 1e3 * (t[near] - FAULT),

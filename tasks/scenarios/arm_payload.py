@@ -177,7 +177,8 @@ def _section(shown: Sequence[Trial], errors: Mapping[str, Vec], true_mass: float
     t = measure.times(run)
     plots = [
         judge.beside("tool", "The tool's distance from its path", "mm", shown,
-                     lambda one: np.maximum(1e3 * errors[one.name], 1e-2), bounds=[load], log="y", wide=True),
+                     lambda one: np.maximum(1e3 * errors[one.name], 1e-2), bounds=[load], log="y", wide=True,
+                     caption="Distances below 0.01 mm are drawn as 0.01 mm."),
         Plot(
             "learnt", "What is learnt", "kg", t,
             [Curve("mass of the last link", run["signal.SlotineLi.a_hat"][:, -10])],

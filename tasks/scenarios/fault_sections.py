@@ -39,11 +39,13 @@ def signals(pair: Pair, known: Thresholds) -> Section:
         caption=said, over="time since the fault [ms]",
     )  # fmt: skip
     trials = ((WITH, pair.answered), (WITHOUT, pair.without))
+    fates = " ".join(f"{name}: {outcome.fate}." for name, outcome in trials)
     second = Plot(
         "true_error", "Centre of mass, true error", "mm", measure.times(answered),
         [Curve(name, np.maximum(1e3 * outcome.error, 0.01), run=run, x=measure.times(outcome.run))
          for run, (name, outcome) in enumerate(trials)],
-        [Bound(start, "fault", "x")], caption=" ".join(f"{name}: {outcome.fate}." for name, outcome in trials), log="y",
+        [Bound(start, "fault", "x")], log="y",
+        caption=f"{fates} Errors below 0.01 mm are drawn as 0.01 mm.",
     )  # fmt: skip
     rows = [
         (d.t, d.alarmed, d.joint_name, d.kind, d.share if d.kind in ("partial", "total") else None)

@@ -163,7 +163,8 @@ def _errors(moving: Adapted, still: Adapted) -> Section:
     both, t = (("moving", moving), ("at rest", still)), measure.times(moving.run)
     plots = [
         Plot("adaptive-error", "Largest error of the four joints", "mm", t,
-             [Curve(name, np.maximum(1e3 * np.abs(of.error).max(axis=1), 1e-6)) for name, of in both], log="y"),
+             [Curve(name, np.maximum(1e3 * np.abs(of.error).max(axis=1), 1e-6)) for name, of in both], log="y",
+             caption="Errors below 1e-6 mm are drawn as 1e-6 mm."),
         Plot("adaptive-lyapunov", "Lyapunov's function V", "", t,
              [Curve(name, of.signal("V")) for name, of in both], log="y",
              caption="V = ½ sᵀM s + eᵀK_P e + ½ (a − â)ᵀ Γ⁻¹ (a − â). At rest the part of a − â that nothing excites "

@@ -213,7 +213,7 @@ def _demands(found: Sequence[Demand]) -> Iterator[Item]:
         bounds = dict.fromkeys(number(x) for x in _spread(one.bounds)[::2])
         bound = f"{sign} {' to '.join(bounds)} {one.unit}".rstrip()
         rows.append([one.text, bound, met if all(one.met) else Marked(met, "bad"), *_spread(one.values)])
-    note = "Over all runs that ended. A value that is not a number meets no demand; the last three columns leave it out."
+    note = "Over all runs that ended. A value that is not a number meets no demand; the last three columns omit it."
     yield Table(("demand", "bound", "met", "least", "median", "largest"), rows, note)
     for k, one in enumerate(found):
         if one.varies:
