@@ -54,7 +54,7 @@ def _plots(result: ScenarioResult) -> list[Plot]:
     if "certificate" in run:
         proof = np.maximum(np.asarray(run["certificate"], dtype=float), LEAST)
         curves = [Curve(name, values) for name, values in zip(("primal", "dual", "gap"), proof.T, strict=True)]
-        caption = "Primal residual in the row's unit; dual residual and gap relative to the cost. Zeros are drawn as 1e-18."
+        caption = "Primal residual in the row's unit; dual residual and gap relative to the cost. 0 is drawn as 1e-18."
         bounds = [Bound(1e-6, "certified below")]
         plots.append(
             Plot("certificate", "Residuals of the certificate", "", t, curves, bounds, caption=caption, log="y")
