@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
+ROOT = Path(__file__).parent.parent
 SOLVERS = {"clarabel", "daqp", "highspy", "osqp", "piqp", "proxsuite", "qpsolvers", "quadprog", "scs"}
 TOOLS = {"dask", "distributed", "jinja2", "matplotlib", "mujoco", "numba", "rich", "sympy", "typer"}
 ROBOTS = {"example_robot_data", "pinocchio"}
@@ -37,3 +39,8 @@ def test_who_ranks_nothing_waits_for_no_kernel_of_levels():
 
 def test_a_heavy_import_would_be_seen():
     assert "rich" in modules_after("import wbc, rich")
+
+
+@pytest.mark.parametrize("package", sorted({path.parent.name for path in ROOT.glob("wbc/*/__init__.py")} - {"cli"}))
+def test_import_wbc_is_enough_for_every_package(package: str):
+    subprocess.run([sys.executable, "-c", f"import wbc; wbc.{package}"], cwd=ROOT, check=True)
