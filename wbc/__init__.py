@@ -16,19 +16,10 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from wbc import control as control
     from wbc import errors as errors
-    from wbc import export as export
-    from wbc import live as live
     from wbc import methods as methods
     from wbc import models as models
     from wbc import motion as motion
-    from wbc import qp as qp
-    from wbc import report as report
-    from wbc import robots as robots
-    from wbc import sim as sim
-    from wbc import stack as stack
-    from wbc import sweep as sweep
     from wbc import tasks as tasks
     from wbc import testing as testing
     from wbc.control.command import Command as Command
