@@ -105,6 +105,9 @@ def test_a_run_of_a_sweep_has_a_page_when_it_is_asked_for(wbc, waving: str, tmp_
     answer = wbc("sweep", waving, "--repeat", "1", "--out", "s")
     assert answer.code == 0 and answer.out.endswith("s/run-1/report.html\n")
     assert (tmp_path / "s" / "run-1" / "run.npz").is_file()
+    results = tmp_path / "s" / "results.jsonl"
+    results.write_text(results.read_text().splitlines(keepends=True)[0])
+    assert wbc("sweep", waving, "--repeat", "0", "--out", "s").code == 0, "of no result there is no page to write"
 
 
 def test_the_report_of_a_record_is_opened_or_made_from_it(wbc, waving: str, tmp_path: Path, monkeypatch):

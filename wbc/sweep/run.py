@@ -123,7 +123,7 @@ def replay(folder: str | Path, run: int, *, scenario: str | None = None) -> tupl
     page = out / page_of(run)
     with replaced(page.parent, ARRAYS_FILE) as pending:
         write_run(kept[0], pending)
-    if (out / RESULTS).is_file():
+    if lines.findings and (out / RESULTS).is_file():
         write_report(summary(lines.header, in_order(lines), out), out)
     return result, page
 
