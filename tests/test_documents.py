@@ -38,6 +38,7 @@ HEADING = re.compile(r"^#{1,6} (.+)$", re.MULTILINE)
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 NAME = re.compile(r"`(?:import )?((?:wbc|tasks)(?:\.\w+)+)[`(]")
 PLACE = re.compile(r"`{1,2}((?:wbc|tasks|tests|docs)/[\w./]*)`")
+PART = re.compile(r"`((?:wbc|tasks)/[\w/]+\.py)`, `(\w+)`")
 FILE_NAME = re.compile(r"# (\w+\.py)\b")
 TARGET = re.compile(r"^([a-z]+):", re.MULTILINE)
 OPTIONS = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
@@ -164,6 +165,8 @@ def test_names_in_documents_exist(document: Path):
     for name in set(NAME.findall(text)) - groups:
         resolve(name)
     assert [place for place in PLACE.findall(text) if not (ROOT / place).exists()] == []
+    for place, name in PART.findall(text):
+        assert re.search(rf"\b(?:def|class) {name}\b", (ROOT / place).read_text()), f"{place} has no {name}"
 
 
 def test_docstrings_name_files_that_exist():
