@@ -13,6 +13,7 @@ from PIL import Image
 from wbc.control.recorder import Run
 from wbc.models import load
 from wbc.report import run_report, write
+from wbc.report.document import Bound, Curve, Plot, Report, Section
 from wbc.sim.scenario import Check, Place, ScenarioResult
 
 from .browser import Browser, browser, installed
@@ -275,3 +276,20 @@ def test_the_floor_is_there_where_the_camera_is_near(tab: Browser, tmp_path: Pat
         box = (int(left) + 8, int(top + 0.5 * height), int(left + 0.2 * width), int(top + height) - 8)
         beside = np.asarray(picture.convert("L").crop(box))
     assert np.count_nonzero(beside < 215) > 20  # the middle line, darker than the others, passes behind the camera
+
+
+@pytest.mark.parametrize("count", [5, 40])
+def test_a_logarithmic_axis_has_numbers_and_bounds_of_one_name_have_one_mark(
+    chromium: Browser, tmp_path: Path, count: int
+):
+    """Of few dots those of the dots, of many, which would stand on each other, round ones."""
+    x = np.geomspace(0.317, 731.0, count)
+    bounds = [Bound(0.5, "threshold"), Bound(-0.5, ""), Bound(2.0, "answer", "x")]
+    plot = Plot("dots", "Dots", "m", x, [Curve("a", np.sin(x))], bounds, over="size", log="x", dots=True)
+    write(Report("Dots", "", None, [Section("Dots", [plot])]), tmp_path)
+    chromium.open(tmp_path / "report.html")
+    assert chromium.run("[...document.querySelectorAll('.bounds span')].map(s => s.textContent)") == [
+        "threshold", "answer",
+    ]  # fmt: skip
+    numbers = chromium.run("document.querySelector('.uplot').parentElement.plot.axes[0]._values.filter(Boolean)")
+    assert len(numbers) >= 4 and ("1" in numbers) is (count > 10)

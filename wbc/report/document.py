@@ -122,7 +122,8 @@ class Curve:
 
 @final
 class Bound(NamedTuple):
-    """A named line across a plot, where the values are ``value``, or ``along`` "x" what they are drawn over."""
+    """A named line across a plot, where the values are ``value``, or ``along`` "x" what they are drawn over. Without a
+    ``label`` it belongs to the bound before it."""
 
     value: float
     label: str

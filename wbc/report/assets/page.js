@@ -51,7 +51,10 @@
   const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
   const colour = (k) => () => style(`--curve-${k % 8}`);
   const dashes = [undefined, [7, 4], [2, 3], [10, 3, 2, 3]];
-  const dashOfBound = (k) => [[5, 3], [2, 2], [11, 3], [8, 3, 2, 3]][k % 4];
+  const dashOfBound = (bounds, k) => {  // a bound without a label belongs to the one before it
+    const before = bounds.slice(1, k + 1).filter((bound) => bound.label).length;
+    return [[5, 3], [2, 2], [11, 3], [8, 3, 2, 3]][before % 4];
+  };
   const sample = (dash) => `<svg viewBox="0 0 26 6" aria-hidden="true"><path d="M0 3H26" stroke-dasharray="${dash.join(" ")}"/></svg>`;
   const ink = () => style("--ink"), line = () => style("--line"), soft = () => style("--soft");
 
@@ -99,7 +102,7 @@
             const axis = bound.along === "x" ? "x" : "y", at = u.valToPos(bound.value, axis, true);
             const from = axis === "y" ? bbox.top : bbox.left, size = axis === "y" ? bbox.height : bbox.width;
             if (at < from - 1 || at > from + size + 1) return;
-            ctx.setLineDash(dashOfBound(k).map((length) => length * ratio));
+            ctx.setLineDash(dashOfBound(spec.bounds, k).map((length) => length * ratio));
             ctx.beginPath();
             if (axis === "y") { ctx.moveTo(bbox.left, at); ctx.lineTo(bbox.left + bbox.width, at); }
             else { ctx.moveTo(at, bbox.top); ctx.lineTo(at, bbox.top + bbox.height); }
@@ -126,8 +129,9 @@
   function key(bounds) {
     const list = Object.assign(document.createElement("div"), { className: "bounds" });
     bounds.forEach((bound, k) => {
+      if (!bound.label) return;
       const one = document.createElement("span");
-      one.innerHTML = sample(dashOfBound(k));
+      one.innerHTML = sample(dashOfBound(bounds, k));
       one.append(bound.label);
       list.append(one);
     });
@@ -192,7 +196,7 @@
         } },
         y: { distr: spec.log.includes("y") ? 3 : 1, range },
       },
-      axes: [{ ...axis, ...(spec.log.includes("x") ? { splits: spec.dots ? () => x : powers, filter: labelled } : {}), size: 28, space: 60, values: (_, ticks) => ticks.map((v) => (v == null ? "" : short(v))) },
+      axes: [{ ...axis, ...(spec.log.includes("x") ? { splits: spec.dots && x.length < 10 ? () => x : powers, filter: labelled } : {}), size: 28, space: 60, values: (_, ticks) => ticks.map((v) => (v == null ? "" : short(v))) },
              { ...axis, ...(spec.log.includes("y") ? { splits: powers, filter: labelled } : {}), size: 58, grid: { show: !spec.strips.length, stroke: line, width: 1 }, ticks: { show: !spec.strips.length, stroke: line, width: 1, size: 4 },
                values: (_, ticks) => ticks.map((v) => (v == null || spec.strips.length ? "" : short(v))) }],
       series: [
