@@ -291,5 +291,6 @@ def test_a_logarithmic_axis_has_numbers_and_bounds_of_one_name_have_one_mark(
     assert chromium.run("[...document.querySelectorAll('.bounds span')].map(s => s.textContent)") == [
         "threshold", "answer",
     ]  # fmt: skip
+    assert "threshold: 0.5, -0.5; answer: 2" in (tmp_path / "report.md").read_text()
     numbers = chromium.run("document.querySelector('.uplot').parentElement.plot.axes[0]._values.filter(Boolean)")
     assert len(numbers) >= 4 and ("1" in numbers) is (count > 10)
