@@ -58,7 +58,7 @@ def _item(item: Item) -> list[str]:
 def _curves(plot: Plot) -> list[str]:
     """What a plot shows in numbers: the range of each curve that is seen at first."""
     about = f"{plot.title} [{plot.unit}] over {plot.over}" if plot.unit else f"{plot.title} over {plot.over}"
-    bounds = "".join(f"{b.label and f'; {b.label}:' or ','} {formatted(b.value)}" for b in plot.bounds)
+    bounds = "".join(f"{(b.label and f'; {b.label}:') or ','} {formatted(b.value)}" for b in plot.bounds)
     rows: list[tuple[Cell, ...]] = []
     for curve in plot.curves:
         known = curve.values[np.isfinite(curve.values)]
