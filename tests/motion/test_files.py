@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 from itertools import product
 from pathlib import Path
@@ -129,6 +130,21 @@ def test_two_columns_of_one_name_are_refused(tmp_path: Path):
     for path in sorted(tmp_path.iterdir()):
         with pytest.raises(InvalidInput, match=r"two columns called 'left_hip"):
             Motion.read(path)
+
+
+@pytest.mark.parametrize("cut", [lambda row: row[:-1], lambda row: [*row, 0.0], lambda row: row[: len(row) // 2]])
+def test_a_row_that_is_no_row_of_the_heading_is_refused_by_its_line(
+    cut: Callable[[list[float]], list[float]], tmp_path: Path
+):
+    """Rows of half the length would be one row in two, though every number is read."""
+    motion = made("squat")
+    heads = ["time", *(f"{part}.{axis}" for part, axis in product(motion.positions, "xyz"))]
+    rows = np.column_stack([motion.times, *motion.positions.values()]).tolist()
+    for spoilt_rows, line in (([*rows[:7], cut(rows[7]), *rows[8:]], 9), ([cut(row) for row in rows], 2)):
+        text = "\n".join(",".join(map(str, row)) for row in [heads, *spoilt_rows])
+        (tmp_path / "m.csv").write_text(text)
+        with pytest.raises(InvalidInput, match=f"line {line} has {len(cut(rows[0]))} cells, the heading {len(heads)}"):
+            Motion.read(tmp_path / "m.csv")
 
 
 def test_rotations_and_contacts_are_kept(tmp_path: Path):

@@ -195,11 +195,17 @@ def _arrays(place: Path) -> Read:
 
 
 def _table(place: Path) -> Read:
+    rows: list[list[float]] = []
     try:
-        heads, *rows = filter(None, csv.reader(place.read_text(encoding="utf-8-sig").splitlines()))
-        table = np.array(rows, dtype=np.float64).reshape(-1, len(heads))
+        lines = csv.reader(place.read_text(encoding="utf-8-sig").splitlines())
+        heads = next(filter(None, lines), [])
+        for cells in filter(None, lines):
+            if len(cells) != len(heads):
+                raise ValueError(f"line {lines.line_num} has {len(cells)} cells, the heading {len(heads)}")
+            rows.append([float(cell) for cell in cells])
     except (OSError, ValueError, csv.Error) as cause:
         raise InvalidInput(f"{place} is no table of numbers with a heading: {cause}") from None
+    table = np.array(rows, dtype=np.float64).reshape(len(rows), len(heads))
     _once(place, heads)
     columns, parts = dict(zip(heads, table.T, strict=True)), [one[:-2] for one in heads if one.endswith(".x")]
     try:
