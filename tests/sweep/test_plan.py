@@ -93,6 +93,7 @@ def test_a_variation_of_another_form_is_told_the_forms(values: str):
     "settings",
     [
         {"runs": 0}, {"seed": -1}, {"vary": {"height": Range(0, 1)}}, {"fixed": {"height": 1}}, {"solvers": ("no",)},
+        {"vary": {"bias": Range(0, 1)}, "fixed": {"bias": 0.5}},
         {"hierarchies": ("no",)}, {"plant": "no"}, {"duration": 0.0},
     ],
 )  # fmt: skip

@@ -84,6 +84,8 @@ class Sweep:
         for key in (*self.vary, *self.fixed):
             if key not in scenario.parameters:
                 raise UnknownParameter(key, scenario.parameters)
+            if key in self.vary and key in self.fixed:
+                raise InvalidInput(f"parameter {key!r} is drawn and set; give one of --vary and --set, vary and fixed")
         for solver in self.solvers:
             by_name(solver)
         for hierarchy in self.hierarchies or (None,):
