@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import assume, example, given
+from hypothesis import assume, given
 from hypothesis import strategies as st
-from scipy.optimize import linprog, lsq_linear, nnls
+from scipy.optimize import linprog, nnls
 
 from tests.methods.problems import check_on_every_solver, scaled_tasks
 from wbc import qp
@@ -26,11 +26,6 @@ def changed(task: NullSpaceSaturation, **new: object) -> NullSpaceSaturation:
     """The same task with other arguments."""
     arguments = {"J": task.J, "target": task.target, "lower": task.lower, "upper": task.upper, "drift": task.drift}
     return NullSpaceSaturation(**(arguments | new))  # type: ignore[arg-type]
-
-
-def size(task: NullSpaceSaturation) -> float:
-    """|x| that does the whole task without limits."""
-    return float(np.linalg.norm(np.linalg.pinv(task.J, rcond=1e-12) @ task.target))
 
 
 def scaled_rows(task: NullSpaceSaturation) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -117,20 +112,6 @@ def test_limits_hold_and_the_task_is_done_to_scale(task: NullSpaceSaturation):
         assert 0.0 <= found.scale <= 1.0
 
 
-@given(AT_REST)
-def test_the_answer_is_the_shortest_at_its_scale(task: NullSpaceSaturation):
-    """Property 18. Multipliers that prove it are found by scipy: x - V'y + up - down = 0 with up, down >= 0."""
-    found = task.closed_form()
-    length = float(np.linalg.norm(found.x))
-    assume(found.feasible and length > 1e-9 * size(task) and size(task) > 0.0 and found.scale == 1.0)
-    V, x = scaled_rows(task)[0], found.x / length
-    at_upper, at_lower = (np.abs(found.x - limit) <= 1e-9 * length for limit in (task.upper, task.lower))
-    pushes = np.hstack([V.T, -np.eye(len(x))[:, at_upper], np.eye(len(x))[:, at_lower]])
-    lowest = np.append(np.full(len(V), -INF), np.zeros(pushes.shape[1] - len(V)))
-    proof = lsq_linear(pushes, x, bounds=(lowest, INF), method="bvls")
-    assert np.linalg.norm(pushes @ proof.x - x) <= 1e-7
-
-
 @given(ANY)
 def test_no_other_way_to_do_the_whole_task_is_shorter(task: NullSpaceSaturation):
     """Oracle: least distance programming by scipy's non-negative least squares (Lawson, Hanson, 1974, chapter 23).
@@ -155,68 +136,6 @@ def test_no_other_way_to_do_the_whole_task_is_shorter(task: NullSpaceSaturation)
     np.testing.assert_allclose(found.x / length, x, rtol=0, atol=1e-7)
 
 
-@given(AT_REST, st.floats(1.0, 10.0))
-def test_a_faster_task_is_scaled_down_in_proportion(task: NullSpaceSaturation, k: float):
-    """Property 19."""
-    slow, fast = task.closed_form(), changed(task, target=k * task.target).closed_form()
-    assert fast.scale <= slow.scale + 1e-9
-    if slow.scale < 1.0 - 1e-9:
-        assert k * fast.scale == pytest.approx(slow.scale, abs=1e-8)
-        np.testing.assert_allclose(fast.x, slow.x, atol=1e-6 * (np.linalg.norm(slow.x) + 1e-9 * size(task)))
-
-
-@given(ANY, st.data())
-def test_wider_limits_never_make_the_scale_smaller(task: NullSpaceSaturation, data: st.DataObject):
-    """Property 20, first half."""
-    n = len(task.lower)
-    more = [np.array(data.draw(st.lists(magnitudes(), min_size=n, max_size=n))) for _ in range(2)]
-    found, wider = (
-        one.closed_form() for one in (task, changed(task, lower=task.lower - more[0], upper=task.upper + more[1]))
-    )
-    if found.feasible:
-        assert wider.feasible and wider.scale >= found.scale - 1e-8
-
-
-@given(ANY)
-def test_a_pseudo_inverse_solution_inside_the_limits_is_the_answer(task: NullSpaceSaturation):
-    """Property 20, second half."""
-    V, w, d = scaled_rows(task)
-    x = V.T @ (w - d)
-    J, drift = task.J, task.drift
-    assume(np.linalg.norm(J @ x + drift - task.target) <= 1e-12 * np.linalg.norm(J, 2) * (np.linalg.norm(x) + 1e-300))
-    wide = changed(task, lower=np.minimum(task.lower, x - 1.0), upper=np.maximum(task.upper, x + 1.0))
-    for found in (wide.closed_form(), wide.solve()):
-        assert found.scale == 1.0
-        np.testing.assert_allclose(found.x, x, atol=1e-9 * (np.linalg.norm(x) + np.linalg.norm(d)) + 1e-12)
-
-
-@given(AT_REST, st.data())
-def test_another_joint_never_makes_the_scale_smaller(task: NullSpaceSaturation, data: st.DataObject):
-    """Property 21."""
-    column = data.draw(vectors(len(task.target)))[:, None] * np.linalg.norm(task.J, 2)
-    more = changed(
-        task, J=np.hstack([task.J, column]), lower=np.append(task.lower, -1.0), upper=np.append(task.upper, 1.0)
-    )
-    assume(np.linalg.matrix_rank(more.J, tol=1e-9) == np.linalg.matrix_rank(task.J, tol=1e-9))
-    assert more.closed_form().scale >= task.closed_form().scale - 1e-7
-
-
-@given(scaled_tasks(deficient=False), st.data())
-def test_repeated_and_empty_rows_change_nothing(task: NullSpaceSaturation, data: st.DataObject):
-    """Property 22."""
-    assume(np.linalg.cond(task.J) < 1e4)
-    again = data.draw(st.integers(0, len(task.J) - 1))
-    longer = changed(
-        task, J=np.vstack([task.J, task.J[again], np.zeros(task.J.shape[1])]),
-        target=np.concatenate([task.target, [task.target[again], 0.0]]),
-        drift=np.concatenate([task.drift, [task.drift[again], 0.0]]),
-    )  # fmt: skip
-    one, other = task.closed_form(), longer.closed_form()
-    assert one.feasible == other.feasible
-    if one.feasible:
-        assert other.scale == pytest.approx(one.scale, abs=1e-7)
-
-
 # ---- acceleration level, time
 ROBOT = PlanarPR(m1=1, m2=1, l2=0.5, d2=0.25, I2=0.1)
 angles, speeds = st.floats(-1.4, 1.4), st.floats(0.2, 2.0)
@@ -225,28 +144,6 @@ angles, speeds = st.floats(-1.4, 1.4), st.floats(0.2, 2.0)
 def along_x(q: np.ndarray, v: np.ndarray, wanted: float, limit: float) -> NullSpaceSaturation:
     """Accelerations of the planar robot that give its end effector ``wanted`` along x, which is q1 + l2 cos q2."""
     return NullSpaceSaturation(ROBOT.J(q)[:1], [wanted], lower=-limit, upper=limit, drift=ROBOT.Jdot_v(q, v)[:1])
-
-
-@given(angles, speeds, st.floats(0.5, 20.0), speeds, magnitudes(1e-3, 1.0))
-@example(angle=2.2250738585072014e-308, v=1.0, wanted=1.0, limit=1.0, dt=1.0)  # a lever that is hardly a number
-def test_at_rest_accelerations_are_scaled_like_velocities(angle, v, wanted, limit, dt):
-    """Property 28: from rest, x dt are the velocities that have the limits dt times as large, at the same scale.
-
-    In motion they are not; the difference is the drift, and goes with the square of the velocity. Where joint 1 is at
-    its limit, joint 2 has to move by the drift over its lever.
-    """
-    q = np.array([0.0, angle])
-    lever = abs(float(ROBOT.J(q)[0, 1]))
-    resting = along_x(q, np.zeros(2), wanted, limit).closed_form()
-    velocities = NullSpaceSaturation(ROBOT.J(q)[:1], [dt * wanted], lower=-dt * limit, upper=dt * limit).closed_form()
-    assert resting.scale == pytest.approx(velocities.scale, abs=1e-12)
-    np.testing.assert_allclose(dt * resting.x, velocities.x, rtol=0, atol=1e-12 * limit)
-    for slower in (1e-2, 1e-3):
-        task = along_x(q, slower * np.array([0.0, v]), wanted, limit)
-        moving, drift = task.closed_form(), 0.5 * np.cos(angle) * (slower * v) ** 2
-        apart = abs(moving.scale - resting.scale) * wanted + float(np.abs(moving.x - resting.x).max())
-        assert 0.5 * drift <= apart
-        assert apart * lever <= drift * (1.0 + lever)
 
 
 @given(angles, speeds, st.floats(0.5, 20.0), speeds)
@@ -265,23 +162,6 @@ def test_the_drift_is_never_scaled():
         assert found.scale == pytest.approx(0.1) and found.x.sum() - 1.0 == pytest.approx(
             found.scale * 10.0 - 2.0 + 2.0
         )
-
-
-def test_shaped_velocity_limits_keep_position_and_velocity_for_ever():
-    """Property 27. ub = min{(Q - q)/T, V, sqrt(2 A (Q - q))}, mirrored below; ICRA 2012, equation 12."""
-    rng, T, Q, V, A = np.random.default_rng(7), 0.01, 1.0, 2.0, 8.0
-    q = np.zeros(4)
-    for step in range(600):
-        upper, lower = ([(Q - side * q) / T, np.full(4, V), np.sqrt(2.0 * A * np.maximum(Q - side * q, 0.0))]
-                        for side in (1.0, -1.0))  # fmt: skip
-        J = np.array([[np.cos(0.01 * step), 1.0, 0.5, -0.2], [0.1, np.sin(0.02 * step), 1.0, 0.7]])
-        task = NullSpaceSaturation(
-            J, 5.0 * rng.normal(size=2), lower=-np.min(lower, axis=0), upper=np.min(upper, axis=0)
-        )
-        found = task.solve("daqp") if step % 2 else task.closed_form()
-        q = q + T * found.x
-        assert (np.abs(q) <= Q + 1e-12).all() and (np.abs(found.x) <= V + 1e-12).all()
-    assert np.abs(q).max() > 0.5
 
 
 # ---- penalties
@@ -314,12 +194,6 @@ def test_a_joint_that_was_put_at_its_limit_leaves_it_again_where_that_makes_the_
     task = NullSpaceSaturation([[0, -1, 2], [-2, 0, 1]], [-3.0, 2.0], lower=[-1, -1, -2], upper=[3, 2, 1])
     for found in (task.closed_form(), task.solve("daqp")):
         assert found.scale == pytest.approx(6 / 7, rel=1e-12)
-
-
-def test_joints_that_tie_are_both_at_their_limits():
-    task = NullSpaceSaturation([[1.0, 1.0, 1.0]], [6.0], lower=-1, upper=[1, 1, 9])
-    np.testing.assert_allclose(task.closed_form().x, [1.0, 1.0, 4.0])
-    assert task.closed_form().saturated == (0, 1)
 
 
 def test_a_joint_at_rest_is_at_a_limit_of_zero_whatever_rounding_makes_of_the_rest():

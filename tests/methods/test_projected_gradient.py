@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from fractions import Fraction
 from itertools import permutations
 
 import numpy as np
@@ -18,7 +17,6 @@ from wbc.errors import InvalidInput, NotSupported
 from wbc.methods import ProjectedGradientStep
 from wbc.qp.solvers import usable
 from wbc.testing import check_method
-from wbc.testing.strategies import magnitudes, spd, vectors
 
 INF = np.inf
 ANY = st.one_of(steps(), bare_steps())
@@ -39,25 +37,6 @@ def unit(step: ProjectedGradientStep) -> float:
     return step._unit()
 
 
-def same(
-    one: ProjectedGradientStep, other: ProjectedGradientStep, *, factor: float = 1.0, tolerance: float = 1e-9
-) -> None:
-    """Both are feasible or neither is, and the first step is ``factor`` times the second."""
-    a, b = one.closed_form(), other.closed_form()
-    assert a.feasible == b.feasible
-    if a.feasible:
-        assert abs(a.alpha - factor * b.alpha) <= tolerance * (unit(one) + factor * unit(other))
-
-
-def well_conditioned(step: ProjectedGradientStep) -> bool:
-    """Whether no decision hangs on rounding: null components that may as well be zero, resting joints at a limit."""
-    size = np.abs(step.v_null).max(initial=0.0)
-    components = np.abs(step.v_null[step.v_null != 0.0])
-    at_rest = np.abs(step.v_null) <= 1e-6 * size
-    edge = np.minimum(np.abs(step.v_task - step.v_min), np.abs(step.v_max - step.v_task)) <= 1e-6 * step._size
-    return bool((components > 1e-6 * size).all() and not (at_rest & edge).any())
-
-
 # ---- closed form and QP
 @given(ANY)
 def test_closed_form_and_qp_agree(step: ProjectedGradientStep):
@@ -74,12 +53,6 @@ def test_closed_form_and_qp_agree_on_integers_and_rows_of_other_units():
             assert max(found.values()) <= 1e-9, (found, step)
 
 
-@pytest.mark.parametrize("solver", usable())
-def test_one_step_on_each_solver(solver: str):
-    step = ProjectedGradientStep([0.2, 0.1, -0.5], [1.0, -2.0, 1e-3], v_min=[-1, -1, -1], v_max=[1, 1, 1])
-    assert step.solve(solver).alpha == pytest.approx(0.55, abs=1e-8)
-
-
 @given(ANY)
 def test_both_written_qps_have_the_step_as_their_minimum(step: ProjectedGradientStep):
     expected = step.closed_form()
@@ -87,18 +60,6 @@ def test_both_written_qps_have_the_step_as_their_minimum(step: ProjectedGradient
     for problem in (step.qp(), step.qp_with_velocity()):
         answer = qp.solve(problem, "daqp")
         assert answer.x[-1] == pytest.approx(expected.alpha, rel=1e-6)
-
-
-def test_the_step_in_exact_numbers():
-    lower, upper = [Fraction(-1), Fraction(-2), Fraction(-1, 3)], [Fraction(1), Fraction(5, 7), Fraction(2)]
-    v, w = [Fraction(1, 5), Fraction(-1, 7), Fraction(0)], [Fraction(3, 11), Fraction(5, 13), Fraction(-2, 17)]
-    ends = [((high if b > 0 else low) - a) / b for a, b, low, high in zip(v, w, lower, upper, strict=True) if b]
-    numbers = ([float(x) for x in values] for values in (v, w, lower, upper))
-    v_task, v_null, v_min, v_max = numbers
-    step = ProjectedGradientStep(v_task, v_null, v_min=v_min, v_max=v_max).closed_form()
-    assert min(ends) == Fraction(78, 35)
-    assert step.alpha == pytest.approx(78 / 35, rel=1e-15)
-    assert step.active == (1,)
 
 
 @pytest.mark.parametrize("solver", usable())
@@ -139,17 +100,21 @@ def test_last_bits_and_the_order_of_joints_and_rows_change_nothing_but_last_bits
 
 
 # ---- properties
-@given(FROM_GRADIENT, st.floats(0.0, 10.0))
-def test_the_task_does_not_notice_the_step(step: ProjectedGradientStep, alpha: float):
-    """Property 1."""
+@given(FROM_GRADIENT)
+def test_the_task_is_met_by_the_shortest_velocity_and_the_step_is_along_the_projected_gradient(
+    step: ProjectedGradientStep,
+):
+    """Properties 1, 10 and 11, by numpy's singular values: v_task = J# ṙ, v_null = (I − J# J) ∇H, so J v_null = 0."""
     assert step.origin is not None
-    J, ask = step.origin.J, step.origin.task_velocity
-    alpha *= unit(step)
-    v = step.v_task + alpha * step.v_null
-    reached = J @ (np.linalg.pinv(J, rcond=1e-12) @ ask)
-    size = np.linalg.norm(J, 2) if J.size else 0.0
-    allowed = 1e-9 * size * (np.linalg.norm(step.v_task) + alpha * np.linalg.norm(step.origin.gradient))
-    assert np.linalg.norm(J @ v - reached) <= allowed + 1e-9 * np.linalg.norm(ask)
+    J, ask, gradient = step.origin.J, step.origin.task_velocity, step.origin.gradient
+    U, values, V = np.linalg.svd(J, full_matrices=False)
+    kept = values > 1e-12 * values.max(initial=0.0)
+    U, values, V = U[:, kept], values[kept], V[kept]
+    known = 1e-9 + 1e-13 * values.max(initial=1.0) / values.min(initial=1.0)
+    v_task = V.T @ (U.T @ ask / values)
+    assert np.linalg.norm(step.v_task - v_task) <= known * (np.linalg.norm(v_task) + 1e-300)
+    off = step.v_null - (gradient - V.T @ (V @ gradient))
+    assert np.linalg.norm(off) <= known * np.linalg.norm(gradient)
 
 
 @given(ANY)
@@ -194,27 +159,6 @@ def test_the_step_is_the_optimum_of_the_linear_program(step: ProjectedGradientSt
         assert found.alpha == pytest.approx(u * float(answer.x[0]), abs=1e-9 * u)
 
 
-@given(FROM_GRADIENT, st.randoms(use_true_random=False), st.data())
-def test_neither_the_order_of_joints_nor_their_sense_matters(
-    step: ProjectedGradientStep, random: object, data: st.DataObject
-):
-    """Properties 5 and 6."""
-    assume(well_conditioned(step) and step.origin is not None)
-    of, n = step.origin, step.v_task.size
-    order = np.arange(n)
-    random.shuffle(order)  # type: ignore[attr-defined]
-    other = changed(
-        step, J=of.J[:, order], gradient=of.gradient[order], v_min=step.v_min[order], v_max=step.v_max[order]
-    )
-    same(other, step)
-    if step.closed_form().feasible:
-        scale = np.abs(step.v_task).max() + unit(step) * np.abs(step.v_null).max()
-        np.testing.assert_allclose(other.closed_form().v, step.closed_form().v[order], atol=1e-8 * scale)
-    sign = np.array(data.draw(st.lists(st.sampled_from([-1.0, 1.0]), min_size=n, max_size=n)))
-    low, high = np.where(sign > 0, step.v_min, -step.v_max), np.where(sign > 0, step.v_max, -step.v_min)
-    same(changed(step, J=of.J * sign, gradient=of.gradient * sign, v_min=low, v_max=high), step)
-
-
 @pytest.mark.parametrize("condition", [1e0, 1e3, 1e6])
 def test_a_task_velocity_on_a_limit_is_on_it_however_its_joints_are_ordered(condition: float):
     """J# ṙ is known to rounding times the condition of J: a joint that it puts on a limit does not leave by that."""
@@ -229,57 +173,6 @@ def test_a_task_velocity_on_a_limit_is_on_it_however_its_joints_are_ordered(cond
             J[:, order], J @ v, outwards[order], v_min=-limit[order], v_max=limit[order], alpha_max=1e6
         )
         assert step.closed_form().alpha == 0.0 and step.solve().alpha == pytest.approx(0.0, abs=1e-9)
-
-
-@given(FROM_GRADIENT, magnitudes(0.01, 100.0))
-def test_the_step_scales_with_speeds_and_limits_and_against_the_gradient(step: ProjectedGradientStep, k: float):
-    """Properties 7 and 8: a longer gradient makes a shorter step to the same velocity."""
-    assume(step.origin is not None)
-    of = step.origin
-    same(changed(step, gradient=k * of.gradient, alpha_max=step.alpha_max / k), step, factor=1.0 / k)
-    scaled = changed(
-        step, task_velocity=k * of.task_velocity, v_min=k * step.v_min, v_max=k * step.v_max,
-        alpha_max=k * step.alpha_max,
-    )  # fmt: skip
-    same(scaled, step, factor=k)
-
-
-@given(FROM_GRADIENT, magnitudes(), st.data())
-def test_wider_limits_never_shorten_the_step_and_it_is_concave_in_them(
-    step: ProjectedGradientStep, longer: float, data: st.DataObject
-):
-    """Property 9: halfway between two boxes the step is at least the mean of both steps."""
-    n = step.v_task.size
-    more = [np.array(data.draw(st.lists(magnitudes(), min_size=n, max_size=n))) for _ in range(2)]
-    wide, half = (changed(step, v_min=step.v_min - k * more[0], v_max=step.v_max + k * more[1]) for k in (1.0, 0.5))
-    found, wider, middle = (each.closed_form() for each in (step, wide, half))
-    if found.feasible:
-        assert changed(wide, alpha_max=step.alpha_max + longer).closed_form().alpha >= found.alpha - 1e-9 * unit(step)
-        assert middle.alpha >= 0.5 * (found.alpha + wider.alpha) - 1e-9 * (unit(step) + unit(wide))
-
-
-@given(FROM_GRADIENT, st.data())
-def test_only_the_projection_of_the_gradient_matters(step: ProjectedGradientStep, data: st.DataObject):
-    """Property 10."""
-    assume(well_conditioned(step) and step.origin is not None)
-    of = step.origin
-    row_space = np.linalg.svd(of.J)[2][: np.linalg.matrix_rank(of.J, tol=1e-12 * np.abs(of.J).max(initial=1e-300))]
-    added = row_space.T @ data.draw(vectors(len(row_space), low=1e-3, high=1.0))
-    assume(np.abs(added).max(initial=0.0) < 1e3 * np.abs(step.v_null).max(initial=0.0))
-    other = changed(step, gradient=of.gradient + added)
-    assume(well_conditioned(other))
-    condition = np.linalg.cond(of.J) if len(row_space) else 1.0
-    same(other, step, tolerance=1e-9 + 1e-11 * min(condition, 1e6))
-
-
-@given(steps(deficient=False), st.data())
-def test_the_axes_of_the_task_do_not_matter(step: ProjectedGradientStep, data: st.DataObject):
-    """Property 11."""
-    assume(well_conditioned(step) and step.origin is not None)
-    of = step.origin
-    assume(len(of.J) and np.linalg.cond(of.J) < 1e3)
-    turn = data.draw(spd(len(of.J), condition=10.0))
-    same(changed(step, J=turn @ of.J, task_velocity=turn @ of.task_velocity), step)
 
 
 def test_rows_of_a_task_in_units_far_apart_cost_no_digits():
@@ -384,14 +277,6 @@ def test_an_infeasible_start_is_flagged_or_restored_and_never_clipped(step: Proj
 
 
 # ---- edge cases
-def test_a_joint_at_its_limit_pushed_outwards_stops_everything():
-    step = ProjectedGradientStep([1.0, 0.0], [1.0, 1.0], v_min=[-1, -1], v_max=[1, 1]).closed_form()
-    assert step.alpha == 0.0 and step.active == (0,) and step.feasible
-
-
-def test_a_joint_at_its_limit_pushed_inwards_stops_nothing():
-    step = ProjectedGradientStep([1.0, 0.0], [-1.0, 1.0], v_min=[-1, -1], v_max=[1, 1]).closed_form()
-    assert step.alpha == 1.0 and step.active == (1,)
 
 
 def test_rounding_at_a_limit_decides_nothing():
@@ -406,31 +291,10 @@ def test_a_locked_joint_that_would_move_stops_everything():
         assert each.closed_form().alpha == 0.0 == each.solve("daqp").alpha
 
 
-def test_alpha_max_zero_and_alpha_max_reached():
-    box = {"v_min": [-1.0], "v_max": [1.0]}
-    assert ProjectedGradientStep([0.0], [1.0], **box, alpha_max=0.0).closed_form().alpha == 0.0
-    reached = ProjectedGradientStep([0.0], [1.0], **box, alpha_max=0.25).closed_form()
-    assert reached.alpha == 0.25 and reached.active == ()
-
-
 def test_the_null_motion_may_restore_feasibility():
     step = ProjectedGradientStep([1.5, 0.0], [-1.0, 0.1], v_min=[-1, -1], v_max=[1, 1])
     assert step.closed_form().interval == pytest.approx((0.5, 2.5))
     assert step.solve("daqp").interval == pytest.approx((0.5, 2.5))
-
-
-@pytest.mark.parametrize("v_task", [[1.5, 0.0], [0.0, 2.0]])
-def test_infeasible_starts_that_nothing_restores(v_task: list[float]):
-    step = ProjectedGradientStep(v_task, [1.0, 0.0], v_min=[-1, -1], v_max=[1, 1])
-    for found in (step.closed_form(), step.solve("daqp"), step.solve("proxqp")):
-        assert not found.feasible and np.isnan(found.v).all() and found.interval[0] > found.interval[1]
-
-
-def test_no_task_and_a_square_task():
-    free = ProjectedGradientStep.from_gradient(np.zeros((0, 2)), [], [1.0, -0.5], v_min=[-1, -1], v_max=[1, 1])
-    assert free.closed_form().alpha == 1.0
-    square = ProjectedGradientStep.from_gradient([[1, 2], [3, 4]], [0, 0], [1, 1], v_min=[-1, -1], v_max=[1, 1])
-    assert square.closed_form().alpha == 0.0 and square.closed_form().active == ()
 
 
 @pytest.mark.parametrize(
