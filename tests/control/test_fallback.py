@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import wbc
-from tasks import ContactForce, MomentumObserver, Point, Posture, Sole, TorqueLimits, feet
+from tasks import ContactForce, MomentumObserver, Posture, TorqueLimits, feet
 from wbc.control.fallback import BRAKE_TIME, torque
 from wbc.errors import NotSupported
 from wbc.testing.strategies import states
@@ -34,12 +34,6 @@ def test_on_legs_what_brakes_the_robot_does_not_depend_on_what_its_tasks_want():
         controller.tick(0.0, QUADRUPED.q0, moving)
         torques.append(torque(controller.plan, controller.state, -moving, None, None))
     np.testing.assert_allclose(torques[0], torques[1], rtol=0, atol=1e-6 * np.abs(torques[0]).max())
-
-
-@given(kp=st.floats(1e-2, 1e4))
-def test_what_holds_a_contact_in_place_is_critically_damped_by_default(kp: float):
-    for contact in (Point("foot", friction=0.5, kp=kp), Sole("sole", half_size=(0.1, 0.05), friction=0.5, kp=kp)):
-        np.testing.assert_allclose(np.roots([1.0, contact.kd, contact.kp]), -np.sqrt(kp), rtol=1e-6)
 
 
 def test_a_foot_whose_sensor_gives_no_number_is_left_out_of_the_residual():

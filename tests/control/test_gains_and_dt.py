@@ -91,20 +91,3 @@ def test_gains_assigned_between_ticks_are_refused_in_the_tick(level: Any) -> Non
         assert np.isfinite(command.v).all()
     task.rate, task.kd = 50.0, None
     assert controller.tick(4e-3, q, v).status.ok
-
-
-def test_a_contact_comes_back_to_its_place_without_overshoot_as_fast_as_it_can() -> None:
-    """Of all damping, 2 √kp is that of e(t) = (1 + ω t) exp(−ω t), ω = √kp."""
-    kp, dt = 225.0, 1e-3
-    start = ARM.state().frame("tool").position.copy()
-    contact = Point("tool", friction=0.5, kp=kp, target=start + np.array([0.0, 0.0, 0.01]))
-    stack = wbc.Stack([Posture(ARM.q0, weight=1e-3)], contacts=[contact])
-    controller = wbc.Controller(ARM, stack, level=wbc.AccelerationLevel(), dt=dt)
-    q, v, state = np.array(ARM.q0), np.zeros(ARM.nv), ARM.state()
-    for k in range(600):
-        state.update(k * dt, q, v)
-        omega, t = np.sqrt(kp), k * dt
-        left = 0.01 * (1.0 + omega * t) * np.exp(-omega * t)
-        np.testing.assert_allclose(start[2] + 0.01 - state.frame("tool").position[2], left, atol=2e-4)
-        command = controller.tick(t, q, v)
-        q, v = command.q, command.v

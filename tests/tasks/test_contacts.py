@@ -30,7 +30,15 @@ def sole(half_size: Any = (0.10, 0.065), friction: float = 0.3, **more: Any) -> 
     return Sole("left_sole", half_size=half_size, friction=friction, **more)
 
 
-CONES = [sole(), Point("foot", friction=0.5), sole(sides=8), Point("foot", friction=0.5, sides=8)]
+CONES = {
+    f"{name} of {sides} sides": contact
+    for sides in (4, 8)
+    for name, contact in (
+        ("sole", sole(sides=sides)), ("point", Point("foot", friction=0.5, sides=sides)),
+        ("edge", Edge("left_sole", half_length=0.05, friction=0.5, sides=sides)),
+    )
+}  # fmt: skip
+each_cone = pytest.mark.parametrize("contact", CONES.values(), ids=CONES)
 
 
 def pyramid_edges(friction: float, model: str = "inner", sides: int = 4) -> Mat:
@@ -40,44 +48,46 @@ def pyramid_edges(friction: float, model: str = "inner", sides: int = 4) -> Mat:
     return np.column_stack([reach * np.cos(angles), reach * np.sin(angles), np.ones(sides)])
 
 
-def corner_wrenches(half_size: Any, friction: float, model: str = "inner", sides: int = 4) -> Mat:
-    """The edges of the friction pyramids at the four corners, as wrenches about the centre (6, 4 sides)."""
-    edges = []
-    for i, j in product((-1, 1), repeat=2):
-        corner = np.array([i * half_size[0], j * half_size[1], 0.0])
-        edges += [np.concatenate([force, np.cross(corner, force)]) for force in pyramid_edges(friction, model, sides)]
-    return np.array(edges).T
+def surfaces(X: float, Y: float, **more: Any) -> list[tuple[Any, Any]]:
+    """A sole and an edge, each with the points (x, y) at which forces can be."""
+    edge = Edge("left_sole", half_length=X, **more)
+    return [(sole((X, Y), **more), list(product((-X, X), (-Y, Y)))), (edge, [(-X, 0.0), (X, 0.0)])]
+
+
+def wrenches(contact: Any, points: Any, friction: float, model: str, sides: int) -> Mat:
+    """The edges of the friction pyramids at the points, as wrenches about the centre (dim, points times sides)."""
+    edges = [
+        np.concatenate([force, np.cross([x, y, 0.0], force)])
+        for x, y in points for force in pyramid_edges(friction, model, sides)
+    ]  # fmt: skip
+    return np.array(edges).T[list(contact.wrench_axes)]
 
 
 @given(SIZES, SIZES, st.floats(0.05, 2.0), MODELS, SIDES)
-def test_what_corner_forces_add_up_to_is_in_the_cone_of_a_sole(
-    X: float, Y: float, friction: float, model: str, sides: int
-):
-    contact = sole((X, Y), friction, friction_model=model, sides=sides)
-    wrenches = corner_wrenches((X, Y), friction, model, sides)
-    assert (contact.cone() @ wrenches).max() <= 1e-12 * max(1.0, np.abs(contact.cone()).max())
+def test_what_forces_at_the_corners_add_up_to_is_in_the_cone(X: float, Y: float, mu: float, model: str, sides: int):
+    for contact, points in surfaces(X, Y, friction=mu, friction_model=model, sides=sides):
+        K = contact.cone()
+        assert (K @ wrenches(contact, points, mu, model, sides)).max() <= 1e-12 * max(1.0, np.abs(K).max())
 
 
 @given(SIZES, SIZES, st.floats(0.05, 2.0), MODELS, SIDES, st.integers(0, 2**32 - 1))
-def test_rays_leave_the_cone_where_corner_forces_can_no_longer_follow(
+def test_rays_leave_the_cone_where_forces_at_the_corners_can_no_longer_follow(
     X: float, Y: float, mu: float, model: str, sides: int, seed: int
 ):
-    K = sole((X, Y), mu, friction_model=model, sides=sides).cone()
-    V = corner_wrenches((X, Y), mu, model, sides)
-    inside = V.mean(axis=1)
-    ray = np.random.default_rng(seed).normal(size=6) * [mu, mu, 1.0, Y, X, mu * (X + Y)]
-    slope = K @ ray
-    exits = min((-(K @ inside) / slope)[slope > 1e-12], default=np.inf)
-    followed = linprog(
-        np.r_[-1.0, np.zeros(4 * sides)],
-        A_eq=np.column_stack([-ray, V]),
-        b_eq=inside,
-        bounds=[(0, 1e3)] + [(0, None)] * (4 * sides),
-    )
-    np.testing.assert_allclose(followed.x[0], min(exits, 1e3), rtol=1e-6, atol=1e-6)
+    away = np.random.default_rng(seed).normal(size=6) * [mu, mu, 1.0, Y, X, mu * (X + Y)]
+    for contact, points in surfaces(X, Y, friction=mu, friction_model=model, sides=sides):
+        K, V, ray = contact.cone(), wrenches(contact, points, mu, model, sides), away[list(contact.wrench_axes)]
+        inside, slope = V.mean(axis=1), K @ ray
+        exits = min((-(K @ inside) / slope)[slope > 1e-12], default=np.inf)
+        count = V.shape[1]
+        followed = linprog(
+            np.r_[-1.0, np.zeros(count)], A_eq=np.column_stack([-ray, V]), b_eq=inside,
+            bounds=[(0, 1e3)] + [(0, None)] * count,
+        )  # fmt: skip
+        np.testing.assert_allclose(followed.x[0], min(exits, 1e3), rtol=1e-6, atol=1e-6)
 
 
-@pytest.mark.parametrize("contact", CONES, ids=["sole", "point", "sole of 8 sides", "point of 8 sides"])
+@each_cone
 def test_every_row_of_a_cone_is_needed(contact: Any):
     K = contact.cone()
     for row in range(len(K)):
@@ -87,7 +97,7 @@ def test_every_row_of_a_cone_is_needed(contact: Any):
         assert -beyond.fun > 1e-9, contact.cone_labels()[row]
 
 
-@pytest.mark.parametrize("contact", CONES, ids=["sole", "point", "sole of 8 sides", "point of 8 sides"])
+@each_cone
 def test_a_cone_implies_that_the_surface_only_pushes(contact: Any):
     K = contact.cone()
     lowest = linprog(np.eye(contact.dim)[2], A_ub=K, b_ub=np.zeros(len(K)), bounds=(-1.0, 1.0))

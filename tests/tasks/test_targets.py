@@ -186,12 +186,6 @@ def test_numbers_that_come_in_a_tick_are_left_to_the_certificate_but_not_shapes(
         rows(task, state)
 
 
-def test_one_task_serves_several_plans_of_a_robot():
-    task, state = Posture(ARM.q0), ARM.state()
-    first = rows(task, state).e.copy()
-    np.testing.assert_array_equal(rows(task, state).e, first)
-
-
 @given(states(ARM))
 def test_the_inverse_inertia_weight_is_the_kinetic_norm_of_the_torque(state: RobotState):
     tau_0, tau = np.arange(7.0), np.linspace(-3.0, 5.0, 7)
