@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import wbc
-from tasks import ContactSchedule, Edge, JointVelocityLimits, Posture, TorqueLimits, feet
+from tasks import ContactSchedule, Edge, JointVelocityLimits, Posture, feet
 from wbc.stack.formulation import Formulation
 
 
@@ -31,11 +31,6 @@ def test_a_posture_alone_is_a_stack(level: Formulation, constraints: tuple[wbc.C
     answer = command(level, *constraints)
     assert answer.status is wbc.Status.SOLVED
     assert (answer.q > wbc.load("arm").q0).all()
-
-
-def test_a_posture_under_torque_limits_carries_the_arm():
-    answer = command(wbc.InverseDynamics(), TorqueLimits(), JointVelocityLimits())
-    assert answer.status is wbc.Status.SOLVED and answer.solution.certificate.ok
 
 
 @pytest.mark.parametrize("level", [wbc.VelocityLevel(), wbc.AccelerationLevel(), wbc.InverseDynamics()])

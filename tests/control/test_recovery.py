@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,6 @@ import wbc
 from tasks import (
     CenterOfMass,
     JointAccelerationLimits,
-    JointPositionLimits,
     JointVelocityLimits,
     Position,
     Posture,
@@ -21,7 +19,6 @@ from tasks import (
 )
 from tests.families.oracle import Constraints, least_squares
 from tests.reliability.faults import A_MAX, FAULTS, V_MAX, Saboteur, excess, limited, sabotaged
-from wbc.control.fallback import torque
 from wbc.errors import InvalidInput
 from wbc.qp.certificate import TOLERANCE
 from wbc.types import Status
@@ -134,15 +131,6 @@ def test_a_stop_ends_after_as_many_answers_in_a_row_as_were_asked_for_and_none_b
             assert bool(control.why) != command.status.ok
 
 
-def test_a_row_that_is_not_a_number_is_held_not_solved():
-    aim = Position("tool", target=lambda t: [0.4, 0.2, 0.5 if t < 1.0 else np.nan])
-    stack = wbc.Stack([aim, Posture(ARM.q0, weight=1e-2)], subject_to=[JointVelocityLimits()])
-    control = wbc.Controller(ARM, stack, level=wbc.VelocityLevel(), recovery=wbc.Recovery(hold_ticks=1))
-    control.tick(0.0, ARM.q0, STILL)
-    assert [control.tick(1.0, ARM.q0, STILL).fallback_level for _ in range(2)] == ["hold", "damped"]
-    assert "Position[tool]" in control.fallbacks.log[-1].why
-
-
 @pytest.mark.parametrize("level", LEVELS, ids=named)
 def test_relaxed_constraints_are_declared(level: Any):
     up = Position("tool", target=[0.5, 0.2, 5.0], kp=1e4, name="up").exactly()
@@ -215,26 +203,6 @@ def test_limits_on_the_motion_of_some_joints_and_the_torque_of_the_others_bound_
     assert (np.abs(command.tau) <= tau_max).all() and np.abs(command.tau).max() < 1e3
     a = np.linalg.solve(control.state.M, command.tau - control.state.h)
     assert (np.abs(a) <= a_max + 1e-6).all()
-
-
-def test_laws_give_before_joint_limits_do():
-    up = Position("tool", target=[0.5, 0.2, 5.0], kp=1e4, name="up").exactly()
-    control = wbc.Controller(ARM, limited(ARM, LEVELS[1], extra=(up,)), level=LEVELS[1])
-    assert excess(control, control.tick(0.0, ARM.q0, STILL)) <= 1e-9
-
-
-def test_from_outside_joint_limits_weak_motors_do_what_they_can():
-    stack = wbc.Stack(
-        [Posture(ARM.q0)],
-        subject_to=[JointPositionLimits(), JointAccelerationLimits(500.0), TorqueLimits(10.0)],
-    )
-    control = wbc.Controller(ARM, stack, level=wbc.InverseDynamics())
-    outside = ARM.q0.copy()
-    outside[1] = ARM.limits.q_max[1] + 0.2
-    command = control.tick(0.0, outside, STILL)
-    assert (command.status, command.fallback_level) == (Status.INFEASIBLE, "relaxed")
-    assert command.certificate.ok
-    assert np.abs(command.tau).max() <= 10.0
 
 
 @pytest.mark.parametrize("kp", [1.0, 100.0, 1e4, 1e6])
@@ -348,12 +316,3 @@ def test_on_legs_a_closed_form_is_commanded_only_where_feet_can_carry_it(away: f
     command = control.tick(1e-3, robot.q0, np.zeros(robot.nv))
     assert good.fallback_level == "solved" and command.fallback_level == ("hold" if away else "closed form")
     np.testing.assert_allclose(command.tau, good.tau, rtol=0, atol=1e-4)
-
-
-def test_where_no_braking_torque_is_a_number_the_robot_is_carried_and_damped():
-    stack = wbc.Stack([Posture(ARM.q0)], subject_to=[TorqueLimits()])
-    control = wbc.Controller(ARM, stack, level=wbc.InverseDynamics())
-    v = np.where(np.arange(ARM.nv) % 2, 0.5, -0.5)
-    state: Any = SimpleNamespace(M=ARM.state().M, h=np.full(ARM.nv, np.nan), v_joints=v)
-    tau = torque(control.plan, state, -v, None, np.zeros(ARM.nj))
-    assert (tau * v < 0.0).all(), "damping takes energy out of every joint"

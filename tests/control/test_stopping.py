@@ -109,25 +109,6 @@ def test_our_robots_stay_within_their_limits_with_feet_in_the_air(name: str) -> 
     kept(robot, np.maximum(holding_torque(robot) / 0.7, 0.5), 1, 80)
 
 
-def test_a_decision_that_can_be_braked_is_left_as_it_is(tmp_path: Path) -> None:
-    """With strong motors ticks are to the bit what they are without the torque limits."""
-    robot, _ = arm(2, tmp_path)
-    commands = []
-    for strong in ([], [TorqueLimits(1e6)]):
-        stack = wbc.Stack(
-            [Posture(restless_posture(robot, 2, 0.3), kp=400.0)],
-            subject_to=[JointPositionLimits(), JointVelocityLimits(), *strong],
-        )
-        controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), dt=2e-3)
-        q, v = 0.5 * (robot.limits.q_min + robot.limits.q_max), np.zeros(robot.nv)
-        for k in range(150):
-            command = controller.tick(k * controller.dt, q, v)
-            q, v = command.q, command.v
-        commands.append(command)
-    np.testing.assert_allclose(commands[0].q, commands[1].q, atol=1e-9)
-    np.testing.assert_allclose(commands[0].a, commands[1].a, atol=1e-6)
-
-
 @pytest.mark.parametrize("share, elbow", [(0.7, 1.2), (0.8, 1.2)])
 def test_an_arm_whose_motors_mostly_hold_it_up_follows_a_slow_circle(share: float, elbow: float) -> None:
     robot = wbc.load("arm")
