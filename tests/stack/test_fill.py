@@ -165,21 +165,6 @@ def test_a_subclass_that_writes_its_own_rows_is_asked_for_them():
     np.testing.assert_allclose(own.motion.wanted[:3], -plain.motion.wanted[:3], rtol=1e-12)
 
 
-def test_targets_weights_and_gains_that_are_assigned_are_read_at_the_next_tick():
-    tasks = reaching().tasks
-    stack = Stack(list(tasks), subject_to=LIMITS)
-    level = InverseDynamics(lm_damping=0.0)  # that remembers what the tick before left
-    controller = Controller(ARM, stack, level=level)
-    q, v = np.array(ARM.q0), np.zeros(ARM.nv)
-    controller.tick(0.0, q, v)
-    tasks[2].target, tasks[3].target = np.eye(3), 0.9 * ARM.q0
-    tasks[0].weight, tasks[1].kp = 3.0, 7.0
-    tasks[0].target = pinocchio.SE3(SLOPE, np.array([0.3, 0.0, 0.4]))  # no rates any more
-    command = controller.tick(1e-3, q, v)
-    expected = Controller(ARM, stack, level=level).tick(1e-3, q, v)
-    np.testing.assert_allclose(command.tau, expected.tau, rtol=0, atol=1e-9 * (1.0 + np.abs(expected.tau).max()))
-
-
 def vector_motion(kind: str, rng: np.random.Generator, n: int, ramp: float):
     one, two, *more = rng.normal(size=(6, n))
     if kind == "sinusoid":

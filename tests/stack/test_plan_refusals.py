@@ -219,17 +219,6 @@ def test_a_target_that_stops_giving_rates_is_at_rest(arm: PinocchioModel) -> Non
     np.testing.assert_array_equal(*commands)
 
 
-def test_gains_assigned_between_ticks_act_like_a_fresh_stack(arm: PinocchioModel) -> None:
-    q, v = moving(arm, 1)
-    stack = wbc.Stack([Position("tool", target=[0.4, 0.1, 0.4]), Posture(arm.q0)])
-    control = controller(arm, stack)
-    before = control.tick(0.0, q, v).tau
-    stack.tasks[0].kp, stack.tasks[1].kd = 400.0, 3.0
-    after = control.tick(0.0, q, v).tau
-    assert np.abs(after - before).max() > 1e-3
-    np.testing.assert_allclose(after, controller(arm, stack).tick(0.0, q, v).tau, atol=1e-9)
-
-
 def test_what_a_level_cannot_carry_is_refused_by_name(arm: PinocchioModel) -> None:
     posture = Posture(arm.q0)
     for level in (wbc.VelocityLevel(), wbc.AccelerationLevel()):

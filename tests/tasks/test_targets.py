@@ -158,14 +158,6 @@ def test_a_target_may_be_assigned_between_ticks_and_is_checked_there():
     assert task.target == [0.0, 0.0, 1.0]
 
 
-def test_a_target_that_stops_leaves_no_rate_behind():
-    state, task = ARM.state(), Position(TOOL, target=Sinusoid([0.0] * 3, amplitude=1.0, frequency=1.0, ramp=0.0))
-    assert np.abs(rows(task, state).rate_ref).max() > 1.0
-    task.target = np.zeros(3)
-    out = rows(task, state)
-    assert not out.rate_ref.any() and not out.acc_ref.any()
-
-
 def test_what_a_user_changes_later_does_not_reach_the_task():
     given = np.zeros(3)
     task = Position(TOOL, target=given)
