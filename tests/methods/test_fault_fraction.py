@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
-from tests.methods.problems import drawn
-from wbc.errors import InvalidInput, NoClosedForm
+from wbc.errors import InvalidInput
 from wbc.methods import FaultFraction
 from wbc.qp import solve
 from wbc.testing import check_method
@@ -75,13 +73,6 @@ def test_the_fractions_are_those_of_bounded_least_squares(fault: FaultFraction):
     )
 
 
-@given(faults())
-def test_fractions_are_between_sound_and_dead(fault: FaultFraction):
-    """Property 69."""
-    answer = fault.solve()
-    assert ((answer.fraction >= 0.0) & (answer.fraction <= 1.0) == answer.identifiable).all()
-
-
 @given(st.lists(st.floats(-50, 50).filter(lambda x: abs(x) > 1e-3), min_size=1, max_size=8), st.data())
 def test_a_known_loss_is_found(tau: list[float], data: st.DataObject):
     """Property 69: r = l τ gives l, whatever the weight."""
@@ -99,30 +90,6 @@ def test_a_joint_that_is_asked_for_nothing_is_not_known():
     assert answer.identifiable.tolist() == [True, False]
     nothing = FaultFraction([0.0, 0.0], [0.0, 0.0])
     assert np.isnan(nothing.solve().fraction).all() and np.isnan(nothing.closed_form().fraction).all()
-
-
-def test_a_coupled_weight_lets_joints_explain_each_other():
-    """By hand: Q = [[2, 1], [1, 2]], τ = (1, 0), r = (0.2, 0.4): l = 0.2 + ½ 0.4."""
-    fault = FaultFraction([1.0, 0.0], [0.2, 0.4], weight=[[2.0, 1.0], [1.0, 2.0]])
-    assert fault.solve().fraction[0] == pytest.approx(0.4)
-    with pytest.raises(NoClosedForm, match="not diagonal"):
-        fault.closed_form()
-
-
-def test_the_examples_have_active_bounds_and_joints_that_are_not_known():
-    seen: Counter[str] = Counter()
-
-    @settings(max_examples=drawn(200), database=None)
-    @given(faults())
-    def look(fault: FaultFraction) -> None:
-        fraction = fault.solve().fraction
-        seen["examples"] += 1
-        seen["active"] += bool(((fraction == 0.0) | (fraction == 1.0)).any())
-        seen["deficient"] += not fault.identifiable.all()
-
-    look()
-    assert seen["active"] >= 0.3 * seen["examples"]
-    assert seen["deficient"] >= 0.05 * seen["examples"]
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,17 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tests.methods.problems import bare_steps, distributions, drawn, scaled_tasks, steps
-from wbc.methods import ForceDistribution, NullSpaceSaturation, ProjectedGradientStep
+from tests.methods.test_fault_fraction import faults
+from tests.methods.test_parameter_update import updates
+from tests.methods.torque_problems import problems
+from wbc.methods import (
+    FaultFraction,
+    ForceDistribution,
+    NullSpaceSaturation,
+    ParameterUpdate,
+    ProjectedGradientStep,
+    WeightedTorque,
+)
 from wbc.methods.shared import factors
 
 Signs = dict[str, bool]
@@ -40,6 +50,25 @@ def of_distribution(problem: ForceDistribution) -> Signs:
     return {"active": active, "infeasible": not found.feasible, "deficient": short_of_rank(problem.G)}
 
 
+def of_torque(problem: WeightedTorque) -> Signs:
+    found = problem.solve()
+    room = np.minimum(found.tau - problem.tau_min, problem.tau_max - found.tau)
+    active = bool((room <= 1e-9 * np.abs(found.tau).max()).any())
+    return {"active": active, "infeasible": not found.feasible, "deficient": short_of_rank(problem.J)}
+
+
+def of_update(problem: ParameterUpdate) -> Signs:
+    """Staying where it is is always possible."""
+    return {"active": bool(problem.solve().active), "infeasible": True, "deficient": short_of_rank(problem.Y)}
+
+
+def of_fault(problem: FaultFraction) -> Signs:
+    """Every share is possible; of a joint that is asked for nothing it is not known."""
+    fraction = problem.solve().fraction
+    active = bool(((fraction == 0.0) | (fraction == 1.0)).any())
+    return {"active": active, "infeasible": True, "deficient": not problem.identifiable.all()}
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("strategy", "signs"),
@@ -47,8 +76,11 @@ def of_distribution(problem: ForceDistribution) -> Signs:
         (st.one_of(steps(), bare_steps(), steps()), of_step),
         (scaled_tasks(), of_task),
         (distributions(), of_distribution),
+        (problems(limited=True), of_torque),
+        (updates(), of_update),
+        (faults(), of_fault),
     ],
-    ids=["projected gradient", "saturation", "force distribution"],
+    ids=["projected gradient", "saturation", "force distribution", "torque", "parameters", "faults"],
 )
 def test_three_in_ten_are_at_a_limit_one_in_twenty_infeasible_one_in_twenty_deficient(
     strategy: st.SearchStrategy[Any], signs: Callable[[Any], Signs]

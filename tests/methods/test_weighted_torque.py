@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import linprog, lsq_linear
 
-from tests.methods.problems import drawn
 from tests.methods.torque_problems import CALM, again, problems
 from tests.seeds import generator
 from wbc.errors import NoClosedForm
@@ -130,27 +128,6 @@ def test_every_form_is_certified_near_singularities(form: str, decade: int):
         rows = np.array([row, 2.0 * row + 10.0**decade * rng.normal(size=2)])
         task = WeightedTorque(M, [0, 0], rows, rows @ rng.normal(size=2), tau_0=rng.normal(size=2))
         assert solve(task.qp(form)).status.ok
-
-
-def test_the_examples_have_active_limits_infeasible_tasks_and_dependent_rows():
-    """At least 30 % with an active limit, 5 % infeasible, 5 % of deficient rank."""
-    seen: Counter[str] = Counter()
-
-    @settings(max_examples=drawn(150), database=None)
-    @given(problems(limited=True))
-    def look(task: WeightedTorque) -> None:
-        answer = task.solve()
-        distance = np.minimum(answer.tau - task.tau_min, task.tau_max - answer.tau)
-        seen["examples"] += 1
-        seen["active"] += bool((distance <= 1e-9 * np.abs(answer.tau).max()).any())
-        seen["infeasible"] += not answer.feasible
-        seen["deficient"] += bool(np.linalg.matrix_rank(task.J) < len(task.J))
-
-    look()
-    share = {name: count / seen["examples"] for name, count in seen.items()}
-    assert share["active"] >= 0.3
-    assert share["infeasible"] >= 0.05
-    assert share["deficient"] >= 0.05
 
 
 # ---- what the optimum is: feasible (43) and in the range of the task (44), which only one torque is
