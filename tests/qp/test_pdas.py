@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.qp.zoo import SOLVABLE, random_qp, sequence
+from tests.qp.zoo import random_qp, sequence
 from wbc.qp import QP, Shape, solve
 from wbc.qp.solvers.pdas import Pdas
 from wbc.types import Status
@@ -77,13 +77,6 @@ def test_after_a_reset_it_starts_from_no_active_row():
     assert session.solve(BOX).iterations == first
 
 
-@pytest.mark.parametrize("case", SOLVABLE, ids=str)
-def test_answers_are_good_to_a_hundred_millionth(case):
-    session = Pdas().open(case.make().shape)
-    for _ in range(3):
-        assert session.solve(case.make()).certificate.within(1e-8)
-
-
 @given(seed=st.integers(0, 10_000), n=st.integers(1, 10), n_eq=st.integers(0, 3), n_in=st.integers(0, 15))
 def test_random_problems_are_solved_to_a_hundred_millionth(seed: int, n: int, n_eq: int, n_in: int):
     qp = random_qp(seed, n, min(n_eq, n - 1), n_in, tight=0.2)
@@ -141,12 +134,6 @@ def test_an_equality_of_pinned_variables_does_not_cost_the_guess():
         answer = session.solve(qp)
         assert answer.certificate.within(1e-8) and np.abs(answer.y).max() < 10.0
     assert session.counts.first >= 1
-
-
-@pytest.mark.parametrize("curvature", [1e-300, 1e-150, 1e-30])
-def test_a_cost_that_is_all_but_flat_does_not_overflow(curvature: float):
-    qp = QP(np.diag([1.0, curvature]), [1.0, 1.0], C=[[0.0, 1.0]], cl=[-1.0], cu=[1.0])
-    np.testing.assert_allclose(solve(qp).x, [-1.0, -1.0])
 
 
 def test_rows_that_are_small_in_their_units_are_not_lost():

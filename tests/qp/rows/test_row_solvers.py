@@ -68,18 +68,6 @@ def test_the_core_gives_the_certified_answer_of_the_standard_form(
     np.testing.assert_allclose(mine.x, other.x, atol=1e-6 * (1 + np.abs(other.x).max()))
 
 
-@given(seed=st.integers(0, 10**6))
-def test_a_warm_start_changes_the_work_and_not_the_answer(seed: int) -> None:
-    p = row_problem(seed, tight=0.1)
-    warm = CoreSolver(p)
-    warm.solve()
-    p.centre += 0.01
-    assert warm.solve() is Status.SOLVED
-    x = p.x.copy()
-    assert CoreSolver(p).solve() is Status.SOLVED
-    np.testing.assert_allclose(x, p.x, atol=1e-8)
-
-
 @pytest.mark.parametrize("n_u", [0, 3])
 @pytest.mark.parametrize("uniform", [False, True])
 def test_the_same_problem_twice_is_answered_by_the_first_guess_and_the_same_bits(n_u: int, uniform: bool) -> None:
@@ -131,39 +119,6 @@ def test_a_right_guess_is_not_given_up_for_rounding_of_a_row_that_others_imply()
     assert kept > 1000
 
 
-@given(seed=st.integers(0, 10**6), n_soft=st.sampled_from([0, 1, 4]), even=st.booleans())
-def test_bounds_alone_are_answered_by_the_core(seed: int, n_soft: int, even: bool) -> None:
-    p = row_problem(seed, n_u=0, n_range=0, n_equal=0, n_soft=n_soft, tight=0.3)
-    if even:
-        p.weights[:], p.metric[:] = 3.0, 1.0
-    core = CoreSolver(p)
-    for _ in range(2):
-        assert core.solve() is Status.SOLVED
-        qp = p.empty_qp()
-        p.write_qp(qp)
-        assert solution_of(core, qp, Status.SOLVED).certificate.within(1e-8)
-    assert core.counts.first > 0
-
-
-@given(seed=st.integers(0, 10**6))
-def test_bounds_that_come_and_go_are_found_and_forgotten(seed: int) -> None:
-    p = row_problem(seed, n_u=0, n_range=0, n_equal=0, tight=0.3)
-    lower, upper = p.lb.copy(), p.ub.copy()
-    core = CoreSolver(p)
-    for width in (100.0, 1.0, 100.0):
-        p.lb[:], p.ub[:] = lower - width + 1.0, upper + width - 1.0
-        assert core.solve() is Status.SOLVED
-        qp = p.empty_qp()
-        p.write_qp(qp)
-        assert solution_of(core, qp, Status.SOLVED).certificate.within(1e-8)
-
-
-def test_a_box_problem_without_any_soft_row_is_its_centre_within_the_bounds() -> None:
-    p = row_problem(1, n_u=0, n_range=0, n_equal=0, n_soft=0, tight=0.3)
-    assert CoreSolver(p).solve() is Status.SOLVED
-    np.testing.assert_allclose(p.x, np.clip(p.centre, p.lb, p.ub), atol=1e-9)
-
-
 def bounds_only(seed: int) -> RowProblem:
     return row_problem(seed, n_u=0, n_range=0, n_equal=0, tight=0.1)
 
@@ -192,28 +147,6 @@ def test_nan_in_a_box_problem_is_a_failure_and_never_an_answer(what: str) -> Non
         {"rows": p.G[0], "centre": p.centre, "lb": p.lb, "ub": p.ub}[what][2] = np.nan
         p.weights[:] = weight
         assert not core.solve().ok
-
-
-@pytest.mark.parametrize("n_u", [0, 3])
-@pytest.mark.parametrize("tight", [10.0, 0.3, 0.05])
-def test_without_any_task_or_law_only_bounds_and_ranges_move_the_answer_from_the_centre(n_u: int, tight: float) -> None:
-    p = row_problem(2, n_u=n_u, n_soft=0, n_equal=0, tight=tight)
-    core = CoreSolver(p)
-    assert core.solve() is Status.SOLVED
-    qp = p.empty_qp()
-    p.write_qp(qp)
-    assert solution_of(core, qp, Status.SOLVED).certificate.within(1e-7)
-
-
-def test_contradicting_laws_are_infeasible_and_the_next_good_problem_is_solved() -> None:
-    p = row_problem(3)
-    good = p.G.copy()
-    solver = CoreSolver(p)
-    p.G[p.equal.start] = p.G[p.equal.start + 1]
-    p.G[p.equal.start, -1] += 1.0
-    assert solver.solve() is Status.INFEASIBLE
-    p.G[:] = good
-    assert solver.solve() is Status.SOLVED
 
 
 @pytest.mark.parametrize("make", [CoreSolver, lambda p: StandardSolver(p, by_name("daqp"))], ids=["core", "standard"])
@@ -253,12 +186,6 @@ def test_a_row_against_a_bound_is_infeasible_in_any_unit_and_from_either_side(
         assert solver.solve() is status
 
 
-def test_a_law_given_twice_is_met_all_the_same() -> None:
-    p = row_problem(4)
-    p.G[p.equal.start] = p.G[p.equal.start + 1]
-    assert CoreSolver(p).solve() is Status.SOLVED
-
-
 def test_nan_in_a_row_is_a_failure_and_never_an_answer() -> None:
     for row in ("soft", "equal", "range"):
         p = row_problem(6)
@@ -288,12 +215,3 @@ def test_the_form_in_the_unknowns_is_taken_where_the_cost_is_only_regularisation
 @pytest.mark.parametrize(("n_y", "n_soft", "fits"), [(12, 4, True), (12, 40, True), (12, 200, False), (120, 110, True)])
 def test_the_row_form_is_chosen_for_few_rows_or_few_products(n_y: int, n_soft: int, fits: bool) -> None:
     assert fits_rows(row_problem(0, n_y=n_y, n_soft=n_soft)) is fits
-
-
-@pytest.mark.parametrize("name", ["daqp", "proxqp", "clarabel", "osqp", "pdas"])
-def test_any_solver_answers_the_standard_form(name: str) -> None:
-    p = row_problem(9, tight=0.2)
-    assert CoreSolver(p).solve() is Status.SOLVED
-    x = p.x.copy()
-    assert StandardSolver(p, by_name(name)).solve() is Status.SOLVED
-    np.testing.assert_allclose(p.x, x, atol=1e-4)
