@@ -19,53 +19,6 @@ ARRAYS = ("H", "g", "A", "b", "C", "cl", "cu", "lb", "ub")
 seeds = st.integers(0, 10_000)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ({"H": [[1, 0], [0, np.nan]]}, r"H\[\(1, 1\)\] is nan"),
-        ({"H": [[1, 0], [0, np.inf]]}, r"H\[\(1, 1\)\] is inf"),
-        ({"H": [[1, 2], [0, 1]]}, r"H is not symmetric: H\[0, 1\] = 2, H\[1, 0\] = 0"),
-        ({"H": [[1, 1e-8], [0, 1]]}, "H is not symmetric"),
-        ({"H": [[1, 2], [2, 1]]}, "H is not positive semidefinite, the problem is not convex: an eigenvalue is -1"),
-        ({"H": np.eye(3)}, r"H must have shape \(2, 2\), not \(3, 3\)"),
-        ({"H": "one"}, "H must be an array of numbers"),
-        ({"g": [0, np.nan]}, r"g\[1\] is nan"),
-        ({"g": [[0, 0]]}, r"g must have shape \(any,\), not \(1, 2\)"),
-        ({"A": [[1, 1]]}, "A and b come together"),
-        ({"b": [1]}, "A and b come together"),
-        ({"A": [[1, 1]], "b": [1, 2]}, r"b must have shape \(1,\), not \(2,\)"),
-        ({"A": [[1, np.inf]], "b": [1]}, r"A\[\(0, 1\)\] is inf"),
-        ({"A": [[1, 1]], "b": [np.inf]}, r"b\[0\] is inf"),
-        ({"A": [[1, 1]], "b": [np.nan]}, r"b\[0\] is nan"),
-        ({"A": [[1, 1, 1]], "b": [1]}, r"A must have shape \(any, 2\), not \(1, 3\)"),
-        ({"C": [[1, np.nan]]}, r"C\[\(0, 1\)\] is nan"),
-        ({"cl": [1]}, "C is missing"),
-        ({"C": [[1, 1]], "cl": [1], "cu": [0]}, r"the bounds of row C\[0\] are crossed: 1 > 0"),
-        ({"C": [[1, 1]], "cl": [np.nan]}, r"cl\[0\] is nan"),
-        ({"C": [[1, 1]], "cu": [-np.inf]}, r"the bounds of row C\[0\] are \[-inf, -inf\]: nothing can satisfy it"),
-        ({"C": [[1, 1]], "cl": [np.inf]}, r"the bounds of row C\[0\] are \[inf, inf\]: nothing can satisfy it"),
-        ({"lb": [0, 1], "ub": [1, 0]}, r"the bounds of row x\[1\] are crossed: 1 > 0"),
-        ({"lb": [0, np.inf]}, r"the bounds of row x\[1\] are \[inf, inf\]"),
-        ({"ub": [0]}, r"ub must have shape \(2,\), not \(1,\)"),
-        ({"rows": [("a", "", "")]}, "rows must name 0 rows"),
-    ],
-)
-def test_a_problem_no_solver_may_see_is_refused_by_name(arguments: dict[str, Any], words: str):
-    with pytest.raises(InvalidProblem, match=words) as caught:
-        QP(**{"H": I2, "g": [0, 0], **arguments})
-    assert isinstance(caught.value, InvalidInput)
-
-
-@pytest.mark.parametrize(
-    ("name", "value"), [(name, np.nan) for name in ARRAYS] + [(name, np.inf) for name in ("H", "g", "A", "b", "C")]
-)
-def test_what_is_not_finite_is_refused_after_the_problem_was_made_too(name: str, value: float):
-    qp = QP(I2, [0, 0], A=[[1, 1]], b=[1], C=[[1, 0]], cl=[0], cu=[1], lb=[0, 0], ub=[1, 1])
-    getattr(qp, name)[0] = value
-    with pytest.raises(InvalidProblem, match=r"nan|NaN|inf"):
-        qp.check()
-
-
 @given(seed=seeds, row=st.integers(0, 5), column=st.integers(0, 5), size=st.sampled_from([1e-6, 1e-3, 1.0, 1e6]))
 def test_any_asymmetry_of_the_cost_is_found(seed: int, row: int, column: int, size: float):
     qp = random_qp(seed, 6, 1, 2)

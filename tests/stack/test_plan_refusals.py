@@ -11,15 +11,14 @@ from hypothesis import strategies as st
 
 import wbc
 from tasks import (
-    ContactForce,
     Position,
     Posture,
     Torque,
     TorqueLimits,
 )
-from tests.stack.conftest import moving, standing
+from tests.stack.conftest import moving
 from tests.stack.test_plan import SharedLoad, controller
-from wbc.errors import InvalidInput, MemberFailed, NotSupported, UnknownFrame, UnknownName
+from wbc.errors import InvalidInput, MemberFailed, NotSupported
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.stack.constraint import Barrier, BarrierRows, ConstraintRows, LinearConstraint
 from wbc.stack.contact import Anchor
@@ -228,14 +227,6 @@ def test_what_a_level_cannot_carry_is_refused_by_name(arm: PinocchioModel) -> No
             controller(arm, wbc.Stack([posture], subject_to=[SharedLoad(1.0)]), level=level)
     with pytest.raises(NotSupported, match="Torque"):
         controller(arm, wbc.Stack([Torque(), posture]), level=wbc.AccelerationLevel())
-
-
-def test_unknown_frames_and_contacts_are_refused_with_near_names(arm: PinocchioModel) -> None:
-    with pytest.raises(UnknownFrame, match="tool"):
-        controller(arm, wbc.Stack([Position("tol", target=[0, 0, 0]), Posture(arm.q0)]))
-    with pytest.raises(UnknownName, match="front_left_foot"):
-        robot = wbc.load("quadruped")
-        controller(robot, standing(robot, extra=(ContactForce("front_left_fot", target=[0, 0, 1]),)))
 
 
 @pytest.mark.parametrize("level", [wbc.VelocityLevel(), wbc.AccelerationLevel()])

@@ -32,21 +32,11 @@ def test_an_empty_stack_may_be_written():
     assert wbc.Stack([]).tasks == ()
 
 
-def test_a_mixture_of_lists_and_tasks_is_refused():
-    with pytest.raises(InvalidInput, match="one flat list, or a list of lists"):
-        wbc.Stack([hand(), [Damping()]])  # type: ignore[list-item]
-
-
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda: wbc.Stack([JointVelocityLimits()]), r"tasks\[0\] is JointVelocityLimits; it belongs in subject_to"),
-        (lambda: wbc.Stack([hand(), Damping]), r"tasks\[1\] is the class Damping"),
-        (lambda: wbc.Stack([], subject_to=[Damping()]), r"belongs in tasks; task\.exactly\(\) makes a constraint"),
-        (lambda: wbc.Stack(Damping()), r"tasks is Damping\(.*\); it must be a task, such as .*, in a list"),  # type: ignore[arg-type]
         (lambda: wbc.Stack([], contacts=3), r"contacts is 3; it must be a contact, such as .*, in a list"),  # type: ignore[arg-type]
         (lambda: wbc.Stack([], contacts=["left_sole"]), r"contacts\[0\] is 'left_sole'; it must be a contact, such as"),
-        (lambda: wbc.Stack(["posture"]), r"tasks\[0\] is 'posture'; it must be a task, such as"),  # type: ignore[list-item]
         (lambda: wbc.Stack([], subject_to=[3]), r"subject_to\[0\] is 3; it must be a constraint, such as"),
         (lambda: wbc.Stack([], components=[3]), r"components\[0\] is 3; it must be a component"),  # type: ignore[list-item]
         (lambda: wbc.Stack([], components=[Damping()]), r"components\[0\] is Damping"),

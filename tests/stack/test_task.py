@@ -94,19 +94,11 @@ def test_without_damping_there_is_no_rate_to_guess():
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ({"kp": -1.0}, r"Plain.kp is -1; it must be >= 0"),
-        ({"kp": np.nan}, "Plain.kp is nan"),
-        ({"kd": [1.0]}, r"Plain.kd must have shape \(2,\)"),
-        ({"rate": [1.0, -1.0]}, r"Plain.rate\[1\] is -1; it must be >= 0"),
-        ({"weight": -0.1}, "Plain.weight is -0.1"),
-        ({"weight": [1.0, -0.1]}, r"Plain.weight\[1\] is -0.1; it must be >= 0"),
-        ({"weight": "heavy"}, "Plain.weight must be a number"),
-        ({"weight": 1e300}, r"Plain.weight is 1e\+300; it must be between 0 and 1e\+15"),
         ({"weight": [1.0, 1e300]}, r"Plain.weight\[1\] is 1e\+300; it must be between 0 and 1e\+15"),
         ({"weight": {"a": 1e300}}, r"Plain.weight\['a'\] is 1e\+300; it must be between 0 and 1e\+15"),
     ],
 )
-def test_weights_and_gains_that_make_no_sense_are_refused(arguments: Any, said: str):
+def test_weights_that_are_too_large_are_refused_by_row(arguments: Any, said: str):
     with pytest.raises(InvalidInput, match=said):
         Plain(**arguments)
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 from tasks import Edge, Point, Sole
-from wbc.errors import InvalidInput, UnknownFrame
+from wbc.errors import InvalidInput
 from wbc.models.model import RobotState
 from wbc.stack.contact import Anchor
 from wbc.testing import robots
@@ -176,11 +176,8 @@ def test_an_anchor_keeps_its_own_memory():
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda: sole((0.1, 0.0)), "half_size is .*both must be > 0"),
         (lambda: sole(0.1), r"half_size must have shape \(2,\)"),
-        (lambda: sole(friction=0.0), "friction is 0"),
         (lambda: sole(sides=6), "sides is 6; it must be 4 or 8"),
-        (lambda: sole(friction_model="round"), "'inner' or 'outer'"),
         (lambda: sole(origin=[0.0]), r"origin must have shape \(3,\)"),
         (lambda: sole(target=np.diag([1.0, 1.0, -1.0, 1.0])), r"Sole\[left_sole\].target is not a rotation"),
         (lambda: Point("foot", friction=0.5, radius=-0.1), "radius is -0.1"),
@@ -190,11 +187,6 @@ def test_an_anchor_keeps_its_own_memory():
 def test_a_surface_that_makes_no_sense_is_refused(make: Any, said: str):
     with pytest.raises(InvalidInput, match=said):
         make()
-
-
-def test_an_unknown_frame_is_refused():
-    with pytest.raises(UnknownFrame, match="left_sole"):
-        Sole("left_sol", half_size=(0.1, 0.1), friction=0.5).prepare(HUMANOID)
 
 
 @pytest.mark.parametrize("kp", [1.0, 100.0, 400.0])

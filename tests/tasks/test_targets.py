@@ -12,7 +12,7 @@ from hypothesis import given
 from tasks import CenterOfMass, ContactForce, Frame, JointVelocity, Orientation, Position, Posture, Sinusoid, Torque
 from tasks.motions import pose_motion, swing
 from tests.tasks.rows_of import linear_rows, rows
-from wbc.errors import InvalidInput, UnknownFrame
+from wbc.errors import InvalidInput
 from wbc.models.model import RobotState
 from wbc.testing import robots
 from wbc.testing.strategies import states
@@ -22,16 +22,15 @@ TOOL = ARM.frame_names[-1]
 IDENTITY, MIRROR = np.eye(3), np.diag([1.0, 1.0, -1.0])
 
 
-def pose(rotation: Any = IDENTITY, last_row: Any = (0, 0, 0, 1)) -> np.ndarray:
+def pose(rotation: Any) -> np.ndarray:
     matrix = np.eye(4)
-    matrix[:3, :3], matrix[3] = rotation, last_row
+    matrix[:3, :3] = rotation
     return matrix
 
 
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda: Frame(TOOL, target=None), r"Frame\[\w+\].target is None; give a value or a function of time"),
         (lambda: Frame(TOOL, target=np.eye(3)), r"target must have shape \(4, 4\), not \(3, 3\)"),
         (
             lambda: Frame(TOOL, target=[0] * 7),
@@ -43,19 +42,11 @@ def pose(rotation: Any = IDENTITY, last_row: Any = (0, 0, 0, 1)) -> np.ndarray:
         ),
         (lambda: Frame(TOOL, target="home"), r"or a \(4, 4\) matrix, not 'home'"),
         (lambda: Orientation(TOOL, target=[1, 0, 0, 0]), r"\(4,\); of a .* pinocchio.Quaternion\(w, x, y, z\).matrix"),
-        (lambda: Frame(TOOL, target=pose(2 * np.eye(3))), "not a rotation: R Rᵀ differs from the identity by 3"),
         (lambda: Frame(TOOL, target=pose(MIRROR)), "its determinant is -1"),
-        (lambda: Frame(TOOL, target=pose(last_row=(0, 0, 0, 2))), "last row of a pose is 0 0 0 1"),
-        (lambda: Frame(TOOL, target=np.full((4, 4), np.nan)), r"target\[\(0, 0\)\] is nan"),
         (lambda: Frame(TOOL, target=pinocchio.SE3(MIRROR, np.zeros(3))), "its determinant is -1"),
         (lambda: Orientation(TOOL, target=np.eye(3) + 1e-5), "not a rotation"),
-        (lambda: Orientation(TOOL, target=[1.0, 0.0, 0.0]), r"must have shape \(3, 3\)"),
-        (lambda: Position(TOOL, target=[0.0, np.inf, 0.0]), r"Position\[\w+\].target\[1\] is inf"),
-        (lambda: Position(TOOL, target="here"), "must be an array of numbers, not .here"),
-        (lambda: Position(TOOL, target=lambda t: np.zeros(2)), r"must have shape \(3,\), not \(2,\)"),
         (lambda: Position(TOOL, target=lambda t: (np.zeros(3), np.zeros(3))), r"\(value, rate, acceleration\)"),
         (lambda: Position(TOOL, target=lambda t: (0.4, 0.2, 0.5)), r"several numbers as a list or an array, not as a"),
-        (lambda: Position(TOOL, target=lambda t: (np.zeros(3), np.zeros(2), np.zeros(3))), "target rate must have"),
         *(
             (
                 lambda axes=axes: Position(TOOL, axes=axes, target=Sinusoid(np.zeros(3), amplitude=0.1, frequency=1.0)),
@@ -63,14 +54,11 @@ def pose(rotation: Any = IDENTITY, last_row: Any = (0, 0, 0, 1)) -> np.ndarray:
             )
             for axes in ("x", "xz", "xy")
         ),
-        (lambda: CenterOfMass(target=None), "CenterOfMass.target is None"),
         (lambda: ContactForce("sole", target=[1.0, 2.0]), r"must have shape \(3,\) or \(6,\), not \[1.0, 2.0\]"),
         (lambda: Position(TOOL, target=[0.0, 0.0], axes="yx"), "axes is 'yx'; it must be one of xyz, xy, yz"),
         (lambda: Position(TOOL, target=[0.0] * 3, axes="xy"), r"target must have shape \(2,\), not \(3,\)"),
         (lambda: Torque(weight="inertia"), "weight is 'inertia'; it must be numbers or 'inverse_inertia'"),
-        (lambda: Frame(TOOL, target=np.eye(4), weight=[1.0] * 5), r"weight must have shape \(6,\)"),
         (lambda: Frame(TOOL, target=np.eye(4), position_weight=-1.0), "weight"),
-        (lambda: Position(TOOL, target=np.zeros(3), kp=[1.0, 2.0]), r"kp must have shape \(3,\)"),
     ],
 )
 def test_what_makes_no_sense_is_refused_when_it_is_given(make: Any, said: str):
@@ -82,8 +70,6 @@ def test_what_makes_no_sense_is_refused_when_it_is_given(make: Any, said: str):
     ("task", "said"),
     [
         (Posture(np.zeros(5)), r"Posture.target must have shape \(7,\) on arm, not \(5,\)"),
-        (Posture(np.zeros(7), weight=np.ones(6)), r"Posture.weight must have shape \(7,\)"),
-        (Posture(np.zeros(7), kp=np.ones(6)), r"Posture.kp must have shape \(7,\)"),
         (Posture(0.0), r"Posture.target must have shape \(7,\) on arm, not \(\)"),
         (JointVelocity([0.0]), r"JointVelocity.target must have shape \(7,\) on arm"),
         (Torque(np.zeros(6)), r"Torque.target must have shape \(7,\)"),
@@ -94,13 +80,6 @@ def test_what_depends_on_the_robot_is_refused_when_it_is_known(task: Any, said: 
         task.prepare(ARM)
         task.weights()
         task.gains()
-
-
-@pytest.mark.parametrize("make", [Frame, Position, Orientation])
-def test_an_unknown_frame_is_refused_with_near_ones(make: Any):
-    task = make("tol", target={Frame: np.eye(4), Position: np.zeros(3), Orientation: np.eye(3)}[make])
-    with pytest.raises(UnknownFrame, match="did you mean 'tool"):
-        task.prepare(ARM)
 
 
 @given(states(HUMANOID))
