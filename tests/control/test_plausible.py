@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,7 +23,7 @@ from tasks import (
     TorqueLimits,
     feet,
 )
-from wbc.models.plausible import ImplausibleUnit, NothingHoldsTheBase, RedundantContacts
+from wbc.models.plausible import ImplausibleUnit, NothingHoldsTheBase
 from wbc.sim.mujoco_ import MujocoPlant
 from wbc.sim.simulate import simulate
 
@@ -150,53 +149,6 @@ def test_a_floating_base_that_nothing_holds_is_doubted(name: str, monkeypatch: p
     assert not falls(wbc.load(name, base="fixed")) and not falls(ARM)
     monkeypatch.setattr(robot, "gravity", np.zeros(3))
     assert not falls(robot)
-
-
-def legged(folder: Path, *axes: str) -> wbc.RobotModel:
-    """A robot on four legs, whose joints from the hip down turn about these axes."""
-
-    def link(name: str) -> str:
-        return (
-            f'<link name="{name}"><inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" '
-            'ixz="0" iyz="0"/></inertial></link>'
-        )
-
-    parts = [link("base")]
-    for leg, (x, y) in enumerate([(0.2, 0.1), (0.2, -0.1), (-0.2, 0.1), (-0.2, -0.1)]):
-        parent, at = "base", f"{x} {y} 0"
-        for k, axis in enumerate(axes):
-            name = f"link_{leg}_{k}"
-            parts += [
-                link(name),
-                f'<joint name="joint_{leg}_{k}" type="revolute"><parent link="{parent}"/><child link="{name}"/>'
-                f'<origin xyz="{at}" rpy="0 0.4 0"/><axis xyz="{axis}"/>'
-                '<limit lower="-2" upper="2" velocity="9" effort="30"/></joint>',
-            ]
-            parent, at = name, "0.02 0 -0.2"
-        parts.append(
-            f'<link name="foot_{leg}"/><joint name="ankle_{leg}" type="fixed"><parent link="{parent}"/>'
-            f'<child link="foot_{leg}"/><origin xyz="{at}"/></joint>'
-        )
-    path = folder / "legged.urdf"
-    path.write_text('<robot name="legged">' + "".join(parts) + "</robot>")
-    return wbc.load(path, base="floating", feet=[])
-
-
-@pytest.mark.parametrize(("axes", "doubted"), [(("0 1 0",) * 2, True), (("1 0 0", "0 1 0", "0 1 0"), False)])
-@pytest.mark.parametrize("level", [LEVEL, wbc.InverseDynamics()])
-def test_contacts_that_hold_more_than_legs_can_move_are_doubted(
-    tmp_path: Path, axes: tuple[str, ...], level: wbc.Formulation, *, doubted: bool
-):
-    robot = legged(tmp_path, *axes)
-    contacts = [Point(f"foot_{leg}", friction=0.5) for leg in range(4)]
-    with warnings.catch_warnings(record=True) as said:
-        warnings.simplefilter("always")
-        wbc.Controller(robot, wbc.Stack([Posture(robot.q0)], contacts=contacts), level=level)
-    found = [str(one.message) for one in said if one.category is RedundantContacts]
-    state = robot.state()
-    rank = np.linalg.matrix_rank(np.vstack([state.frame(f"foot_{leg}").jacobian()[:3] for leg in range(4)]))
-    assert doubted == (rank < 12) == bool(found)
-    assert all(f"hold 12 directions, of which legged can move {rank} one" in sentence for sentence in found)
 
 
 def fall() -> None:

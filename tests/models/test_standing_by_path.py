@@ -88,7 +88,6 @@ def test_a_robot_with_legs_stands_on_the_ground_with_its_mass_above_its_feet(fil
 
 @needs_examples
 @pytest.mark.physics
-@pytest.mark.filterwarnings("ignore::wbc.models.plausible.RedundantContacts")  # of solo, whose legs move in planes
 @pytest.mark.parametrize("file", [file for file in LEGGED if "bolt" not in file])  # which nobody can hold on two points
 def test_it_stands_in_physics_without_a_number_from_the_user(file: str):
     pytest.importorskip("mujoco", reason="the extra `sim`")

@@ -126,7 +126,6 @@ class Controller(Solving, metaclass=TellsArguments):
             )
         super().__init__(robot, stack, level, hierarchy=hierarchy, solver=solver, dt=dt)
         plan = self.plans.whole.plan
-        plausible.redundant(robot, plan.problem.G[plan.layout.contact_row : plan.layout.n_rows, : robot.nv])
         if level.dynamics:
             plausible.torques(robot, *plan.torque_bounds)
             if not stack.components:  # they may know of other forces

@@ -384,7 +384,11 @@ class FallbackSequence:
 
 
 def _said_relaxed(plan: Plan, state: RobotState, items: list[int], x: Vec) -> str:
-    """What was relaxed most, at most three rows, of which constraint and by how much."""
+    """What was relaxed most, at most three rows, of which constraint and by how much.
+
+    Rows of contacts that depend on one another, as of legs whose joints turn about parallel axes, contradict each other
+    in a state that is off by a little: that is said, too.
+    """
     qp = plan.qp
     said, value = [], np.concatenate([qp.matrix @ x, x])[items]
     lower, upper = (np.concatenate(pair)[items] for pair in ((qp.lower, qp.lb), (qp.upper, qp.ub)))
@@ -394,7 +398,10 @@ def _said_relaxed(plan: Plan, state: RobotState, items: list[int], x: Vec) -> st
         row = row if place < 0 else plan.bounded_row(place, state, upper=slack[k] > 0.0)
         if abs(slack[k]) > MET:
             said.append(f"{row.owner} {row.label}".strip() + f" by {abs(slack[k]):.3g} {row.unit}")
-    return "relaxed: " + ", ".join(said) if said else ""
+    J = plan.problem.G[plan.layout.contact_row : plan.layout.n_rows, : plan.model.nv]
+    rank = int(np.linalg.matrix_rank(J)) if any(one.startswith("contact[") for one in said) else len(J)
+    depend = f"; the contacts hold {len(J)} directions, of which the robot can move {rank} one by one"
+    return "relaxed: " + ", ".join(said) + depend * (rank < len(J)) if said else ""
 
 
 def _classes(plan: Plan, qp: QP) -> Iterator[tuple[str, list[int]]]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.errors import warn
 from wbc.tolerances import MET
-from wbc.types import Mat, Vec
+from wbc.types import Vec
 
 if TYPE_CHECKING:
     from wbc.models.model import RobotModel
@@ -33,10 +33,6 @@ class ImplausibleUnit(UserWarning):
 
 class ImplausibleInertia(UserWarning):
     """Mass and principal moments of inertia that no rigid body has."""
-
-
-class RedundantContacts(UserWarning):
-    """Rows of contacts depend on one another."""
 
 
 class NothingHoldsTheBase(UserWarning):
@@ -110,19 +106,6 @@ def held(model: RobotModel, forces: int) -> None:
             "Give the stack contacts, such as feet(robot), or load the robot with base='fixed'"
         )
         warn(said, NothingHoldsTheBase)
-
-
-def redundant(model: RobotModel, J: Mat) -> None:
-    """Rows J of contacts (m, nv) that depend on one another hold more than the robot can move: as of legs whose joints
-    turn about parallel axes, in a plane. A measured state, which is off by a little, contradicts such rows."""
-    rank = int(np.linalg.matrix_rank(J)) if J.size else 0
-    if rank < len(J):
-        said = (
-            f"the contacts hold {len(J)} directions, of which {model.name} can move {rank} one by one where it stands "
-            "now: rows of contacts depend on one another. A state that is off by a little contradicts them; the "
-            "motion of contacts is then relaxed, and the status of these ticks is INFEASIBLE"
-        )
-        warn(said, RedundantContacts)
 
 
 class Described(Protocol):
