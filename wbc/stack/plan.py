@@ -25,7 +25,7 @@ from wbc.stack.compiled.damping_kernel import share
 from wbc.stack.compiled.fill import CompiledFill
 from wbc.stack.compiled.fill_kernel import ANSWER, BOUND_SPOILT, FILL, LOOK, OBSERVE
 from wbc.stack.constraint import Barrier, TorqueBySpeed
-from wbc.stack.contact import Anchor
+from wbc.stack.contact import Anchor, Contact
 from wbc.stack.damping import Damping
 from wbc.stack.filled import Filled
 from wbc.stack.interval import JointIntervals
@@ -227,8 +227,8 @@ class Plan(Filled):
             for block in layout.contacts:
                 explained(f"{block.name}.cone", self._write_cone, block)
             pressing = [block.member for block in layout.contacts if not block.member.bilateral]
-            self._own_normals[0] = [-np.inf if contact.f_min is None else contact.f_min for contact in pressing]
-            self._own_normals[1] = [np.inf if contact.f_max is None else contact.f_max for contact in pressing]
+            for contact, bounds in zip(pressing, self._own_normals.T, strict=True):
+                explained(f"bounds on the force of {contact.name}", self._read_normal, contact, bounds)
             self._bound_normals()
         for soft in layout.soft:
             p.scale[soft.unknowns] = np.sqrt(p.unit / (soft.weights + eps))
@@ -236,6 +236,10 @@ class Plan(Filled):
 
     def _read_weight(self, block: Block) -> None:
         block.weights[:] = block.member.weights()
+
+    def _read_normal(self, contact: Contact, bounds: Vec) -> None:
+        bounds[0] = -np.inf if contact.f_min is None else contact.f_min
+        bounds[1] = np.inf if contact.f_max is None else contact.f_max
 
     def _write_cone(self, block: MotionBlock) -> None:
         """Constant rows K f <= 0, on the scaled forces."""
