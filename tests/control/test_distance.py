@@ -90,7 +90,7 @@ def test_the_bound_on_a_share_counts_beside_what_its_task_asks_for(case: int):
         for level in controller.plan.problem.levels for task in level if task.kinematic
     }  # fmt: skip
     found = 0
-    for outcome in controller.last.levels:
+    for outcome in controller.levels:
         bounds = outcome.certificate.bounds
         if outcome.how == "optimal" and bounds and set(bounds) <= set(asked) and max(bounds.values()) > 0.0:
             relative = max(bound / (1.0 + asked[name]) for name, bound in bounds.items())

@@ -217,14 +217,14 @@ def test_tasks_on_joints_and_damping_are_one_square_about_their_centre(level: An
 @pytest.mark.parametrize("level", [VelocityLevel, AccelerationLevel, InverseDynamics], ids=lambda level: level.name)
 def test_what_is_left_of_a_damped_level_is_told_of_what_was_asked(level: Any, hierarchy: Any):
     controller = running(level(), hierarchy, [*reaching()[:1], [Damping()]], seconds=0.3, limits=[JointLimits()])
-    p, (first, *_), last = controller.plan.problem, controller.last.levels, controller.last
+    p, (first, *_), last = controller.plan.problem, controller.levels, controller.last
     assert last is not None and controller.plan.damping.is_on
     (task,) = p.levels[0]
     np.testing.assert_array_equal(p.G[task.rows, p.n], -task.wanted)
     left = p.G[task.rows] @ p.x1
     np.testing.assert_allclose(p.value[p.item(task.rows.start) : p.item(task.rows.stop)], left, atol=1e-12)
     assert np.abs(left).max() > 1e-2
-    assert last.certificate.ok and all(outcome.certificate.ok for outcome in controller.last.levels)
+    assert last.certificate.ok and all(outcome.certificate.ok for outcome in controller.levels)
     assert "damping of the joints" in controller.explain()
     if isinstance(hierarchy, wbc.Strict):
         assert first.how == "optimal"

@@ -311,7 +311,7 @@ def test_the_weight_of_a_task_that_is_alone_at_its_level_changes_nothing(level, 
         stack = wbc.Stack(levels, subject_to=limits)
         command, controller = tick(ARM, stack, hierarchy=wbc.Scaled(), level=level)
         assert command.status.ok
-        found.append((command.v, [outcome.how for outcome in controller.last.levels]))
+        found.append((command.v, [outcome.how for outcome in controller.levels]))
     (v, how), (lighter, of_lighter) = found
     np.testing.assert_allclose(lighter, v, atol=1e-6 * (1.0 + np.abs(v).max()))
     assert of_lighter == how

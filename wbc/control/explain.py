@@ -102,7 +102,7 @@ def reproducer(controller: Solving) -> QP:
 
 def _levels(controller: Solving) -> list[str]:
     """What ranks above what, and how each came out."""
-    ranked = [f"  {i}. {outcome}" for i, outcome in enumerate(controller.answering.report(), start=1)]
+    ranked = [f"  {i}. {outcome}" for i, outcome in enumerate(controller.levels, start=1)]
     return ["levels:", *ranked] if ranked else []
 
 

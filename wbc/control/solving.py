@@ -12,7 +12,7 @@ from wbc.control.command import Command, Forces, Proof
 from wbc.errors import InvalidInput, NotSupported
 from wbc.models.model import RobotModel, RobotState
 from wbc.qp.problem import QP
-from wbc.qp.rows import RowSolver, solution_of
+from wbc.qp.rows import Outcome, RowSolver, solution_of
 from wbc.qp.solver import Solution, Solver
 from wbc.stack.component import Component
 from wbc.stack.contact import keys
@@ -179,6 +179,11 @@ class Solving:
     def iterations(self) -> int:
         """Iterations of the last solve."""
         return self.answering.iterations
+
+    @property
+    def levels(self) -> tuple[Outcome, ...]:
+        """How the levels came out in the last answer; () under ``Weighted``, which has none."""
+        return self.answering.report()
 
     @property
     def counts(self) -> Any:
