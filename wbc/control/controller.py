@@ -260,7 +260,7 @@ class Controller(Solving, metaclass=TellsArguments):
     def _decide(self, t: float, moment: Vec) -> Command:
         state = self.state
         state.move(t, moment)
-        if self.mode.is_compiled and self._started:
+        if self.mode.in_one_call and self._started and not self.components:
             observes, self._solved = self._solved is self.plan, None
             self.answering = solver = self.mode.solver
             status = self.plan.answer(state, solver, observes=observes)

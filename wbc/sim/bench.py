@@ -93,7 +93,7 @@ def _split(setup: Setup, p: Parameters, step: Progress) -> tuple[Vec, int]:
     """The same ticks with clocks on the controller's parts: nanoseconds (ticks, parts), and how many the solver
     failed."""
     controller, nanoseconds, failures = setup.controller(p.settings.solver), list[list[int]](), 0
-    controller.mode.is_compiled = False  # so that there are parts
+    controller.mode.in_one_call = False  # so that there are parts
 
     def look(tick: int, ticks: int, controller: Controller) -> None:
         nonlocal failures

@@ -28,7 +28,7 @@ from wbc.types import Vec
 class Mode:
     """One set of contacts: its plan, its solver, and where its forces stand among those of all contacts."""
 
-    __slots__ = ("_nf", "_places", "is_compiled", "plan", "second", "solver")
+    __slots__ = ("_nf", "_places", "in_one_call", "is_compiled", "plan", "second", "solver")
 
     def __init__(self, plan: Plan, solver: RowSolver, whole: Plan) -> None:
         self.plan, self.solver = plan, solver
@@ -37,8 +37,9 @@ class Mode:
         #: Of each force among the (nf,) of all contacts; None where the plan has them all.
         self._places = None if plan is whole else np.concatenate([np.zeros(0, np.intp), *columns])
         self._nf = whole.layout.nf
-        #: Whether a tick with this plan is one call of compiled code, and nothing else computes.
-        self.is_compiled = plan.is_compiled and solver.kernel[0] != 0
+        #: Whether a tick with this plan is compiled code and nothing else that computes; and whether it is one call.
+        self.is_compiled = plan.is_compiled and solver.is_compiled
+        self.in_one_call = self.is_compiled and solver.kernel[0] != 0
         plan.answered_by(solver)
         #: The solver that is tried when ``solver`` fails, made when it is needed.
         self.second: RowSolver | None = None

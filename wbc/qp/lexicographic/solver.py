@@ -46,6 +46,7 @@ class LexicographicSolver(RowSolver):
     """
 
     form = "levels"
+    is_compiled = True
 
     def __init__(
         self, source: RowProblem, stages: Sequence[Stage], *, budget: int, leave: RowSolver | None = None,

@@ -40,6 +40,8 @@ class CoreSolver(RowSolver):
     ``form`` says which factorisation the problem's sizes and weights chose: "rows" or "variables".
     """
 
+    is_compiled = True
+
     def __init__(self, problem: RowProblem) -> None:
         super().__init__(problem)
         p = problem

@@ -22,8 +22,10 @@ class RowSolver(ABC):
 
     #: One word for reports: "rows", "variables", "standard" or "levels".
     form: str
+    #: Whether ``solve`` is compiled code and nothing else that computes.
+    is_compiled = False
     #: Place and argument of the compiled code that ``solve`` begins with, whose answer ``concluded`` is told; place 0:
-    #: there is none that other compiled code can call.
+    #: no other compiled code can call it.
     kernel = 0, 0
     #: Why a solution that meets all constraints is not optimal: "not optimised", "weighted fallback"; "" where it is.
     shortfall = ""
