@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from wbc.cli import console
+from wbc.cli import app, console
 from wbc.sim.scenario import trials
 
 
@@ -101,6 +101,14 @@ def _answered(redirected: str, *words: str, **environment: str) -> int:
 @pytest.mark.parametrize("unbuffered", ["", "1"])
 def test_a_reader_that_goes_away_is_no_verdict(unbuffered):
     assert _answered("2>/dev/null | true", "list", PYTHONUNBUFFERED=unbuffered) == console.UNREAD
+
+
+def test_an_exit_of_a_users_code_keeps_its_number(monkeypatch):
+    monkeypatch.setattr(app, "app", lambda **_: sys.exit(3))
+    monkeypatch.setattr(warnings, "formatwarning", warnings.formatwarning)
+    with pytest.raises(SystemExit) as left:
+        app.run_app()
+    assert left.value.code == 3
 
 
 @pytest.mark.parametrize("closed", ["2>&-", ">&- 2>&-", ">&- 2>&- <&-"])

@@ -72,8 +72,10 @@ def run_app() -> None:
     try:
         code = app(prog_name="wbc", standalone_mode=False)
         sys.stdout.flush()
-    except (BrokenPipeError, SystemExit):  # typer and rich exit with 1, which would be a verdict of no
-        _silence(1)
+    except (BrokenPipeError, SystemExit) as left:
+        if not isinstance(left, BrokenPipeError) and not isinstance(left.__context__, BrokenPipeError):
+            raise  # a user's own exit
+        _silence(1)  # typer and rich exit with 1, which would be a verdict of no
         sys.exit(UNREAD)
     except usage_error as error:
         complaint: Any = error
