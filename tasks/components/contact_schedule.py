@@ -47,7 +47,8 @@ class ContactSchedule(Schedule):
     stack was replaced while the bound was low or since it exceeds the weight, falls to it at once.
 
     ``touching``: a function of a contact's name that says whether a sensor feels the ground. A contact then closes when
-    it touches, at most ``early`` seconds before its time; if it touches later, it closes later.
+    it touches, at most ``early`` seconds before its time; if it touches later, it closes later. A controller then makes
+    a plan for each set of those that open: 2ᵏ for k contacts, of which eight take about a second.
 
     Where the clock goes back, or past several changes at once, the set is that of the timeline at that time. A contact
     that closes then starts a ramp; one that stays closed goes on without.

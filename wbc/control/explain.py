@@ -111,6 +111,7 @@ def _tasks(controller: Solving) -> list[str]:
     found = shares(controller)
     total = sum(share.cost for share in found) or 1.0
     far = {} if controller.last is None else distances(p, controller.last.certificate.bounds)
+    unit = units(p)
     members = {task.name: task for task in controller.plan.stack.tasks}
     lines = ["tasks:"]
     for name, sizes, cost in found:
@@ -120,7 +121,7 @@ def _tasks(controller: Solving) -> list[str]:
             seen = f"error {_said(error)}, "
         line = f"  {name}: {seen}residual {_said(sizes)}, {100.0 * cost / total:.1f} % of the cost"
         if far.get(name, nan) >= 0.0:  # NaN: not proved
-            bounds = [f"{far[name]:.1g} {one}".rstrip() for one in units(p)[name].split(", ")]
+            bounds = [f"{far[name]:.1g} {one}".rstrip() for one in unit[name].split(", ")]
             line += f"; at most {', '.join(bounds)} from its optimum"
         lines.append(line)
     return lines
