@@ -59,5 +59,5 @@ def test_a_tick_that_relaxes_contacts_says_where_their_rows_depend_on_one_anothe
     state.update(0.0, off, np.zeros(robot.nv))
     rank = np.linalg.matrix_rank(np.vstack([state.frame(f"foot_{leg}").jacobian()[:3] for leg in range(4)]))
     assert depend == (rank < 12) == (control.status is Status.INFEASIBLE)
-    said = f"the contacts hold 12 directions, of which the robot can move {rank} one by one"
+    said = f"the contacts hold 12 directions, of which {rank} are independent"
     assert depend == control.why.endswith(said) and depend == control.why.startswith("relaxed: contact[foot_")

@@ -400,7 +400,7 @@ def _said_relaxed(plan: Plan, state: RobotState, items: list[int], x: Vec) -> st
             said.append(f"{row.owner} {row.label}".strip() + f" by {abs(slack[k]):.3g} {row.unit}")
     J = plan.problem.G[plan.layout.contact_row : plan.layout.n_rows, : plan.model.nv]
     rank = int(np.linalg.matrix_rank(J)) if any(one.startswith("contact[") for one in said) else len(J)
-    depend = f"; the contacts hold {len(J)} directions, of which the robot can move {rank} one by one"
+    depend = f"; the contacts hold {len(J)} directions, of which {rank} are independent"
     return "relaxed: " + ", ".join(said) + depend * (rank < len(J)) if said else ""
 
 
