@@ -44,6 +44,12 @@ Index = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
 
+def read_only(array: NDArray[Any]) -> NDArray[Any]:
+    """The same array, into which nobody can write from now on."""
+    array.setflags(False)  # type: ignore[call-arg]  # positional: a keyword takes twice as long, ``flags`` ten times
+    return array
+
+
 class Frozen:
     """What is written while it is built, and frozen for everybody else."""
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.errors import UnknownContact, WbcError
 from wbc.qp.certificate import Certificate
-from wbc.types import Status, Vec
+from wbc.types import Status, Vec, read_only
 
 if TYPE_CHECKING:
     from wbc.models.model import RobotModel
@@ -211,9 +211,3 @@ class Command:
 
     def __repr__(self) -> str:
         return f"Command({self.status}, {self.fallback_level}, {self.certificate})"
-
-
-def read_only(array: Vec) -> Vec:
-    """The array itself, into which nobody can write any more."""
-    array.flags.writeable = False
-    return array

@@ -33,7 +33,7 @@ import numpy as np
 from wbc import checks
 from wbc.arguments import TellsArguments
 from wbc.control import fallback
-from wbc.control.command import Command, Proof, read_only
+from wbc.control.command import Command, Proof
 from wbc.control.solving import Solving
 from wbc.errors import InvalidProblem
 from wbc.models.model import RobotState
@@ -46,7 +46,7 @@ from wbc.qp.solver import Solution, Solver
 from wbc.qp.solvers import by_name
 from wbc.stack.plan import Plan
 from wbc.tolerances import DISTANCE, MET, ROUNDING
-from wbc.types import Status, Vec
+from wbc.types import Status, Vec, read_only
 
 #: What may be relaxed, in the order in which it is.
 RELAXABLE = ("force rates", "constraints", "contacts", "barriers", "joint limits")

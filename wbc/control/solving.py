@@ -21,7 +21,7 @@ from wbc.stack.hierarchy import Hierarchy
 from wbc.stack.plan import Plan
 from wbc.stack.plans import Mode, Plans
 from wbc.stack.stack import Stack
-from wbc.types import Status, Vec
+from wbc.types import Status, Vec, read_only
 
 
 class Solving:
@@ -140,8 +140,7 @@ class Solving:
     ) -> Command:
         """The command that the answer in the plan's memory means, decided in ``moment`` (nq + nv,), q and v."""
         plan, proof = self.plan, self.answering.proof if proof is None else proof
-        parts, value = plan.layout, plan.problem.value.copy()
-        value.setflags(False)  # type: ignore[call-arg]  # a keyword takes twice as long as all else
+        parts, value = plan.layout, read_only(plan.problem.value.copy())
         motion = value[parts.motion_items]
         if self._level.order == 1:
             return Command(self, status, fallback_level, proof, moment, motion)
@@ -203,7 +202,6 @@ class Solving:
 def _split(sizes: Mapping[str, int], frames: dict[str, str], forces: Vec | None) -> Forces:
     wrenches, start = {}, 0
     for name, dim in sizes.items():
-        wrenches[name] = np.full(dim, np.nan) if forces is None else forces[start : start + dim]
-        wrenches[name].flags.writeable = False
+        wrenches[name] = read_only(np.full(dim, np.nan) if forces is None else forces[start : start + dim])
         start += dim
     return Forces(wrenches, frames)

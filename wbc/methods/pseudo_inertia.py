@@ -39,7 +39,7 @@ from wbc.methods.method import Method
 from wbc.methods.shared import inverse_root
 from wbc.qp.problem import QP, Row
 from wbc.qp.solver import Solver
-from wbc.types import Mat, Vec
+from wbc.types import Mat, Vec, read_only
 
 #: Where the six numbers of the inertia stand in it.
 _PLACES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
@@ -170,6 +170,4 @@ def _basis(length: float) -> tuple[Mat, Mat]:
     """B_k (10, 4, 4) and Q (10, 10)."""
     basis = np.array([_scaled(unit, length) for unit in np.eye(10)])
     Q = np.einsum("kij,lij->kl", basis, basis)
-    for values in (basis, Q):
-        values.flags.writeable = False
-    return basis, Q
+    return read_only(basis), read_only(Q)

@@ -21,8 +21,8 @@ from wbc import checks
 from wbc.errors import InvalidInput, UnknownFrame, UnknownJoint
 from wbc.models.limits import Limits, finite_interval
 from wbc.models.poses import configuration
-from wbc.models.views import JointMemory, Known, frozen, matrix, view
-from wbc.types import Mat, Vec
+from wbc.models.views import JointMemory, Known, matrix, view
+from wbc.types import Mat, Vec, read_only
 
 if TYPE_CHECKING:
     from wbc.compiled import Memory
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 _LOCAL, _WORLD_AXES = pin.ReferenceFrame.LOCAL, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
 #: What a state without drifts says of them.
-_NO_DRIFT = frozen(np.full(6, np.nan))
+_NO_DRIFT = read_only(np.full(6, np.nan))
 _NO_MOTION = SimpleNamespace(vector=_NO_DRIFT, linear=_NO_DRIFT[:3], angular=_NO_DRIFT[3:])
 
 
@@ -72,10 +72,10 @@ class RobotModel(Known):
         self.nq, self.nv, self.nb, self.nj = model.nq, model.nv, nb, model.nv - nb
         self.joint_names = tuple(model.names)[-self.nj :]
         self.mass = float(pin.computeTotalMass(model))
-        self.gravity = frozen(model.gravity.linear.copy())
+        self.gravity = read_only(model.gravity.linear.copy())
         self.frames = _frames(model)
         self.frame_names = tuple(self.frames)
-        self.q0 = frozen(pin.neutral(model))
+        self.q0 = read_only(pin.neutral(model))
 
     def state(self, *, drifts: bool = True) -> RobotState:
         """A new state at q0, at rest; without ``drifts`` those of frames and of the centre of mass are NaN."""
@@ -123,12 +123,12 @@ class RobotModel(Known):
         """
         other = copy.copy(self)
         if q0 is not None:
-            other.q0 = frozen(configuration(self, "q0", q0))
+            other.q0 = read_only(configuration(self, "q0", q0))
             other.__dict__.pop("weightless", None)
         if limits is not None:
             given = ((key, getattr(limits, key)) for key in ("q_min", "q_max", "v_max", "tau_max"))
             other.limits = Limits(
-                *(frozen(checks.array(f"limits.{key}", value, (self.nj,), finite=False)) for key, value in given)
+                *(read_only(checks.array(f"limits.{key}", value, (self.nj,), finite=False)) for key, value in given)
             )
         return other
 

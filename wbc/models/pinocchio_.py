@@ -19,9 +19,8 @@ from wbc.models.limits import Limits, finite_interval
 from wbc.models.model import RobotModel
 from wbc.models.poses import configuration, root_joint
 from wbc.models.urdf import Joint, Urdf
-from wbc.models.views import frozen
 from wbc.tolerances import HUGE
-from wbc.types import Vec
+from wbc.types import Vec, read_only
 
 Base = Literal["fixed", "floating", "planar"]
 BASES = ("fixed", "floating", "planar")
@@ -88,12 +87,12 @@ class PinocchioModel(RobotModel):
         self.joint_units = tuple("m" if joint.kind == "prismatic" else "rad" for joint in joints)
         self._endless = [joint.kind == "continuous" for joint in joints]
         self.limits = _limits(joints)
-        self.armature = frozen(np.array([joint.armature for joint in joints]))
+        self.armature = read_only(np.array([joint.armature for joint in joints]))
         model.armature[self.nb :] = self.armature
         for foot in self.feet:
             self.check_frame(foot)
         self.configurations = {}
-        self.q0 = frozen(self.posed({}))
+        self.q0 = read_only(self.posed({}))
 
     def to_pinocchio(self, q: Vec) -> Vec:
         """``q`` (nq,) as Pinocchio's own reading of the robot has it: a joint without end is its cosine and its sine.
@@ -188,7 +187,8 @@ class PinocchioModel(RobotModel):
         other = super().replace(q0=q0, limits=limits)
         if configurations is not None:
             other.configurations = {
-                name: frozen(configuration(self, f"configurations[{name!r}]", q)) for name, q in configurations.items()
+                name: read_only(configuration(self, f"configurations[{name!r}]", q))
+                for name, q in configurations.items()
             }
         return other
 
@@ -245,7 +245,7 @@ def _build(urdf: Urdf, base: str) -> Any:
 
 def _limits(joints: Sequence[Joint]) -> Limits:
     given = (np.array([getattr(joint, key) for joint in joints]) for key in ("lower", "upper", "velocity", "effort"))
-    return Limits(*(frozen(np.where(np.abs(x) > HUGE, np.copysign(np.inf, x), x)) for x in given))
+    return Limits(*(read_only(np.where(np.abs(x) > HUGE, np.copysign(np.inf, x), x)) for x in given))
 
 
 def _rest(limits: Limits) -> Vec:

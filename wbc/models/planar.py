@@ -19,8 +19,7 @@ from wbc.errors import InvalidInput, NotSupported
 from wbc.models.chain import Chain
 from wbc.models.limits import Limits
 from wbc.models.model import RobotModel, RobotState
-from wbc.models.views import frozen
-from wbc.types import Mat, Vec
+from wbc.types import Mat, Vec, read_only
 
 _JOINTS = {"R": pin.JointModelRZ, "Px": pin.JointModelPX, "Py": pin.JointModelPY}
 _X, _Y = np.eye(3)[:2]
@@ -213,4 +212,4 @@ def _limits(
     for i in np.flatnonzero(low > high):
         raise InvalidInput(f"q_min[{i}] is {low[i]:g} and q_max[{i}] is {high[i]:g}; the lower must not be greater")
     v, tau = checks.limit("v_max", v_max, n), checks.limit("tau_max", tau_max, n)
-    return Limits(frozen(low), frozen(high), frozen(v), frozen(tau))
+    return Limits(read_only(low), read_only(high), read_only(v), read_only(tau))

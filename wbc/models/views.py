@@ -53,12 +53,6 @@ def view(array: NDArray[np.float64], owner: object, *shape: int) -> NDArray[np.f
     return view.reshape(shape) if shape else view
 
 
-def frozen(array: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The same array, read only from now on."""
-    array.flags.writeable = False
-    return array
-
-
 def matrix(call: Callable[[], Any], columns: int) -> Callable[[], Mat]:
     """A Jacobian; for a robot of one joint Pinocchio gives a vector."""
     return call if columns > 1 else lambda: call().reshape(6, 1)

@@ -24,10 +24,9 @@ from wbc.arguments import TellsArguments
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
 from wbc.robots.joint_map import JointMap
-from wbc.types import Mat, Vec
+from wbc.types import Mat, Vec, read_only
 
-_UNKNOWN = np.full(4, np.nan)
-_UNKNOWN.setflags(write=False)
+_UNKNOWN = read_only(np.full(4, np.nan))
 
 
 class BadFrame(InvalidInput):

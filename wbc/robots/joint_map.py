@@ -24,7 +24,7 @@ from wbc import checks
 from wbc.arguments import TellsArguments
 from wbc.errors import InvalidInput, UnknownJoint, UnknownSlot
 from wbc.models.model import RobotModel
-from wbc.types import Index, Vec
+from wbc.types import Index, Vec, read_only
 
 #: Units of a slot's position, and how many of each there are in our rad (or m).
 UNITS = {"rad": 1.0, "deg": 180.0 / np.pi, "m": 1.0}
@@ -108,7 +108,7 @@ class JointMap(metaclass=TellsArguments):
         made |= {"unit": tuple(units), "index": index, "_torque": scale, "_position": scale * factor}
         for name, value in {**made, "_gain": values["gear"] ** 2 * factor}.items():
             if isinstance(value, np.ndarray):
-                value.setflags(write=False)
+                read_only(value)
             object.__setattr__(self, name, value)
 
     @classmethod

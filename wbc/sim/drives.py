@@ -11,7 +11,7 @@ from wbc import checks
 from wbc.arguments import TellsArguments
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
-from wbc.types import Vec
+from wbc.types import Vec, read_only
 
 #: A drive of the usual stiffness gives all its torque at this distance from where it is to be [rad, m].
 DEFLECTION = 0.1
@@ -57,9 +57,7 @@ class PositionDrives(metaclass=TellsArguments):
             given = getattr(self, name)
             if given is None:
                 continue
-            values = checks.one_or_more(name, given, low=0.0)
-            values.setflags(write=False)
-            object.__setattr__(self, name, values)
+            object.__setattr__(self, name, read_only(checks.one_or_more(name, given, low=0.0)))
 
     def gains(self, robot: RobotModel) -> tuple[Vec, Vec]:
         """K and D (nj,) of ``robot``.

@@ -16,7 +16,7 @@ from wbc.errors import InvalidInput, NotSupported, SimulationError
 from wbc.models.model import RobotModel
 from wbc.models.poses import configuration
 from wbc.stack.contact import Contact
-from wbc.types import Vec
+from wbc.types import Vec, read_only
 
 
 class Drive(Protocol):
@@ -64,8 +64,8 @@ class Plant(metaclass=TellsArguments):
         self.model = checks.instance("model", model, RobotModel, "a robot from wbc.load(...)")
         self.dt = checks.number("dt", dt, low=0.0, strict=True)
         self._start, self._steps = 0.0, 0
-        self._q = _frozen(model.q0.copy())
-        self._v = _frozen(np.zeros(model.nv))
+        self._q = read_only(model.q0.copy())
+        self._v = read_only(np.zeros(model.nv))
         self._pushed = np.zeros(3)
 
     @property
@@ -109,7 +109,7 @@ class Plant(metaclass=TellsArguments):
         self._start, self._steps = checks.number("t", t), 0
         self._pushed = np.zeros(3)
         self._place(q, v)
-        self._q, self._v = _frozen(q), _frozen(v)
+        self._q, self._v = read_only(q), read_only(v)
 
     def step(self, command: Drive) -> None:
         """Apply ``command`` for dt seconds. Pushes act during this one step.
@@ -117,7 +117,7 @@ class Plant(metaclass=TellsArguments):
         Raises:
             SimulationError: a command that is not finite, or a state that is not after the step.
         """
-        self._q, self._v = (_frozen(x) for x in self._advance(command))
+        self._q, self._v = (read_only(x) for x in self._advance(command))
         self._steps += 1
         self._pushed = np.zeros(3)
         if not (np.isfinite(self._q).all() and np.isfinite(self._v).all()):
@@ -270,9 +270,4 @@ def finite(name: str, values: Vec, t: float) -> Vec:
     if not np.isfinite(values).all():
         i = int(np.argmin(np.isfinite(values)))
         raise SimulationError(f"{name}[{i}] is {values[i]} at t = {t:.4f} s; a plant moves on finite numbers only")
-    return values
-
-
-def _frozen(values: Vec) -> Vec:
-    values.setflags(write=False)
     return values

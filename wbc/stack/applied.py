@@ -17,7 +17,7 @@ from wbc.stack.level import Level
 from wbc.stack.member import Binding
 from wbc.stack.overrides import QUANTITIES, Actuators, Motor, Overrides
 from wbc.tolerances import ROUNDING
-from wbc.types import Mat, Vec
+from wbc.types import Mat, Vec, read_only
 
 Said = Sequence[tuple[str, Overrides]]
 _TORQUE, _MOTION = ("torque", "lifted", "motors"), (*QUANTITIES[1:], "lifted")
@@ -48,12 +48,12 @@ class Applied:
         self._own_torque = torque = intervals.bounds("torque")
         self._torque = torque[0].copy(), torque[1].copy()
         #: Bounds on the torques (lower, upper), (nj,) each.
-        self.torque_bounds = _read_only(self._torque[0]), _read_only(self._torque[1])
+        self.torque_bounds = read_only(self._torque[0].view()), read_only(self._torque[1].view())
         self._bias = np.zeros(model.nv)
-        self.bias = _read_only(self._bias)
+        self.bias = read_only(self._bias.view())
         self.inertia: Mat | None = None
         self._limits, self._floors = np.full(len(contacts), np.inf), np.full(len(contacts), -np.inf)
-        self.normal_limits, self.normal_floors = _read_only(self._limits), _read_only(self._floors)
+        self.normal_limits, self.normal_floors = read_only(self._limits.view()), read_only(self._floors.view())
         self.actuators = Actuators(np.ones(model.nj), np.zeros(model.nj))
         self._motors: Mapping[int, Motor] = {}
         self.version = 0
@@ -278,9 +278,3 @@ def _given(low: Vec, high: Vec, share: Vec, offset: Vec) -> _Bounds:
 
 def _same(new: _Bounds, old: _Bounds) -> bool:
     return all(map(np.array_equal, new, old))
-
-
-def _read_only(array: Vec) -> Vec:
-    view = array.view()
-    view.flags.writeable = False
-    return view

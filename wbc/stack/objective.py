@@ -11,7 +11,7 @@ from wbc import checks
 from wbc.errors import InvalidInput, UnknownName
 from wbc.stack.by_name import ByName
 from wbc.stack.member import Member, setting
-from wbc.types import Vec
+from wbc.types import Vec, read_only
 
 
 class Objective(Member):
@@ -44,8 +44,8 @@ class Objective(Member):
         elif checks.ndim(value) == 0:
             return checks.number(name, value, low=0.0)
         else:
-            given = checks.array(name, value, (None,), low=0.0)
-            given.flags.writeable = False  # assign to change it: writing into it would go unseen
+            # Assign to change it: writing into it would go unseen.
+            given = read_only(checks.array(name, value, (None,), low=0.0))
         if hasattr(self, "dim"):
             self._rows(what, given)
         return given

@@ -11,7 +11,7 @@ import numpy as np
 from wbc import checks
 from wbc.arguments import TellsArguments
 from wbc.errors import InvalidInput
-from wbc.types import Vec
+from wbc.types import Vec, read_only
 
 #: Quantities of a joint whose bounds may be narrowed or lifted.
 QUANTITIES = ("torque", "position", "velocity", "acceleration")
@@ -48,20 +48,16 @@ class Actuators:
     """
 
     def __init__(self, share: Vec, offset: Vec) -> None:
-        self.share, self.offset = share, offset
+        self.share, self.offset = read_only(share), read_only(offset)
         gives = self.share > 0.0
         self._inverse = np.divide(1.0, self.share, out=np.zeros_like(self.share), where=gives)
         self._is_sound = bool((self.share == 1.0).all() and (self.offset == 0.0).all())
-        for array in (self.share, self.offset):
-            array.flags.writeable = False
 
     def command(self, tau: Vec) -> Vec:
         """u (nj,) that gives the torques ``tau`` (nj,); the same array where all motors are sound."""
         if self._is_sound:
             return tau
-        command: Vec = (tau + self.offset) * self._inverse
-        command.flags.writeable = False
-        return command
+        return read_only((tau + self.offset) * self._inverse)
 
     def torque(self, command: Vec) -> Vec:
         """τ (nj,) that ``command`` (nj,) gives; the same array where all motors are sound."""
@@ -144,13 +140,7 @@ class Overrides(metaclass=TellsArguments):
                 if value is not None:
                     object.__setattr__(self, one.name, _bounds(one.name, value))
             elif isinstance(value, np.ndarray) and value.flags.writeable:
-                object.__setattr__(self, one.name, _copied(value))
-
-
-def _copied(value: Any) -> Any:
-    copied = np.array(value)
-    copied.flags.writeable = False
-    return copied
+                object.__setattr__(self, one.name, read_only(value.copy()))
 
 
 def _frozen(name: str, value: Any) -> Mapping[Any, Any]:
@@ -164,7 +154,7 @@ def _kept(name: str, key: Any, value: Any) -> Any:
     if name != "tasks":
         return value
     checks.instance(f"tasks[{checks.shown(key)}]", value, Mapping, "a mapping, such as {'weight': 1.0}")
-    return _Values({k: _copied(v) if isinstance(v, np.ndarray) else v for k, v in value.items()})
+    return _Values({k: read_only(v.copy()) if isinstance(v, np.ndarray) else v for k, v in value.items()})
 
 
 def _bounds(name: str, value: Any) -> Any:
@@ -172,4 +162,4 @@ def _bounds(name: str, value: Any) -> Any:
         raise InvalidInput(f"{name} is {checks.shown(value)}; it must be (lower, upper)")
     if isinstance(value, tuple) and all(isinstance(v, np.ndarray) and not v.flags.writeable for v in value):
         return value
-    return tuple(_copied(side) for side in value)
+    return tuple(read_only(np.array(side)) for side in value)

@@ -21,7 +21,7 @@ from wbc.stack.contact import keys
 from wbc.stack.formulation import Formulation
 from wbc.stack.plan import Plan
 from wbc.stack.stack import Stack
-from wbc.types import Vec
+from wbc.types import Vec, read_only
 
 
 @final
@@ -51,8 +51,7 @@ class Mode:
             result = np.zeros(self._nf)
             result[self._places] = forces
             forces = result
-        forces.flags.writeable = False
-        return forces
+        return read_only(forces)
 
 
 @final

@@ -15,7 +15,7 @@ from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
 from wbc.stack.objective import Objective
 from wbc.stack.target import Convert, Target, floats, shaped
-from wbc.types import Index, Mat, Vec
+from wbc.types import Index, Mat, Vec, read_only
 
 _SE3, _log3 = pinocchio.SE3, pinocchio.log3
 _QUATERNION = "pinocchio.Quaternion(w, x, y, z)"
@@ -57,8 +57,7 @@ class Tracking(Objective):
         if dim is not None:
             self._reference = Target(f"{self.name}.target", value, dim, self.convert, self.convert_rate)
         if isinstance(value, np.ndarray):  # writing into what was given would go unseen
-            value = value.copy()
-            value.flags.writeable = False
+            value = read_only(value.copy())
         self._given = value
 
     def reference(self, t: float) -> Target:
