@@ -19,11 +19,11 @@ import numpy as np
 
 from wbc.compiled import Memory, place_of
 from wbc.qp.certificate import TOLERANCE, Bounds, Certificate
-from wbc.qp.lexicographic.compiled.rank import IS_MET, NOT_DECIDED, Count, rank
+from wbc.qp.lexicographic.compiled.rank import AGAIN, IS_MET, NOT_DECIDED, Count, rank
 from wbc.qp.lexicographic.compiled.rank import LAYOUT as RANKINGS
 from wbc.qp.lexicographic.compiled.space import LAYOUT as SPACES
 from wbc.qp.lexicographic.compiled.space import Size
-from wbc.qp.lexicographic.compiled.stage import CORE_AT, FIRST, HOPE, LEVELS_AT, conclude, hoped
+from wbc.qp.lexicographic.compiled.stage import CORE_AT, FIRST, HOPE, LEVELS_AT, conclude, fill, hoped
 from wbc.qp.lexicographic.parts import Pull, Stage
 from wbc.qp.lexicographic.stages import StagedProblem, address_of
 from wbc.qp.problem import QP, Row
@@ -92,7 +92,7 @@ class LexicographicSolver(RowSolver):
         behind = 2 + 5 * count + p.n_rows
         self._report = np.zeros(behind + p.n_rows + items)
         worst, found, left, root, pulled = np.split(self._report, (2, 2 + 5 * count, behind, behind + p.n_rows))
-        self._work = np.zeros(14, dtype=np.int64)
+        self._work = np.zeros(16, dtype=np.int64)
         self._work[:5] = count, p.n_rows, len(p.value), items, self._memory.address
         ranking = RANKINGS.arrays(
             self._work, level=table, share=share, unit=np.ones(count), root=root, left=left, found=found, worst=worst,
@@ -150,8 +150,12 @@ class LexicographicSolver(RowSolver):
             if status.ok or self.budget == 1:
                 return status
             self._one_by_one, work[Count.QPS], work[Count.WORK] = True, 1, self.iterations
-        work[Count.START], work[Count.BUDGET] = min(first, last - 1), self.budget
+        work[Count.START], work[Count.BUDGET], work[Count.ALL] = min(first, last - 1), self.budget, 0
         code = rank(self._ranking.address)
+        if code == AGAIN:
+            work[Count.START], work[Count.ALL] = work.item(Count.BEGAN), 1
+            fill(self.staged.address)
+            code = rank(self._ranking.address)
         self.began, self.ended, self.iterations = work.item(Count.BEGAN), work.item(Count.ENDED), work.item(Count.WORK)
         counts.first += work.item(Count.AT_ONCE)
         counts.repaired += work.item(Count.REPAIRED)

@@ -95,7 +95,8 @@ def hold_items(at: int, d: int, dependent: float) -> int:
                 continue
             for c in range(d):
                 w.B[count, c] = w.R[item, c] / reach
-            w.v[count], w.size[count], w.holds[count] = reach, 1.0, item
+            w.v[count], w.size[count] = reach, max(1.0, w.lost[item] / (reach * dependent))
+            w.holds[count] = item
             count += 1
     rank = triangular(at, w.B, count, 0, d, dependent)
     for i in range(rank, count):

@@ -3,8 +3,8 @@
 A level is decided in the space that those above it leave (:mod:`~wbc.qp.lexicographic.compiled.search`), is certified
 (:mod:`~wbc.qp.lexicographic.compiled.proof`), and narrows the space for the next. What held it back while it was
 decided stays held, and may push either way from then on; else a lower level could leave the set where it is best. What
-pushed with little more than rounding is let go. If a lower level then costs those above too much, it is decided again
-with all of this held.
+pushed with little more than rounding is let go. If a lower level then costs those above too much, or is not certified,
+all levels are decided again with this held, too.
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ from wbc.qp.lexicographic.compiled.space import (
     HARDLY,
     Size,
     begin_here,
-    gradient_of_item,
     gradient_of_own,
     item_in_space,
     known_in_space,
@@ -34,10 +33,12 @@ from wbc.qp.rows.compiled.equality import reduce_base
 from wbc.qp.rows.compiled.linear import clear
 from wbc.qp.rows.compiled.verify import ALONE
 from wbc.qp.rows.compiled.work import FAILED, INACCURATE, SOLVED, place_of, views
-from wbc.tolerances import MET, NEAR, NOISE, ROUNDING
+from wbc.tolerances import DISTANCE, MET, NEAR, NOISE, ROUNDING
 from wbc.types import Index, Mat, Vec
 
 NOT_DECIDED, IS_MET, IS_LEAST = 0, 1, 2
+#: What :func:`rank` says where levels below could have an answer if more stayed held: another number than a search's.
+AGAIN = 5
 #: What a level above may lose to a level below, as a share of what is left of it, beside what counts as met.
 _LITTLE = 1e-5
 
@@ -57,14 +58,16 @@ class Ranking(NamedTuple):
     pulled: Annotated[Vec, "m"]  # how far each unknown can be from the optimum of the last level
     worst: Annotated[Vec, "2"]  # beyond bounds, relative distance; without the last level if the core decided that
     best: Annotated[Vec, "values"]  # the last good answer
-    sizes: Annotated[Index, "14"]  # see below
+    sizes: Annotated[Index, "16"]  # see below
 
 
 #: What stands in ``sizes``: how many levels, rows, values and items there are, address of the space, first level to be
 #: tried and QPs allowed; first and last level that were decided, QPs, levels whose guess was right, was repaired, led
-#: nowhere, steps of all.
+#: nowhere, steps of all; 1 where an item was let go that may have held a level back, 1 where none is to be let go.
 Count = IntEnum(
-    "Count", "LEVELS TOTAL VALUES BOUNDED SPACE START BUDGET BEGAN ENDED QPS AT_ONCE REPAIRED FALLBACK WORK", start=0
+    "Count",
+    "LEVELS TOTAL VALUES BOUNDED SPACE START BUDGET BEGAN ENDED QPS AT_ONCE REPAIRED FALLBACK WORK LOOSE ALL",
+    start=0,
 )
 LAYOUT = Layout(Ranking, count="sizes[0]", rows="sizes[1]", values="sizes[2]", m="sizes[3]")
 #: In a kernel: the arrays at an address.
@@ -130,8 +133,8 @@ def distant(at: int, k: int, off: float) -> None:
 
 
 @part
-def prove(at: int, k: int) -> None:
-    """The certificate of level k, which was solved last."""
+def prove(at: int, k: int) -> bool:
+    """The certificate of level k, which was solved last; whether it holds."""
     r = ranking(at)
     w = space(r.sizes[Count.SPACE])
     s = views(w.sizes[Size.CORE])
@@ -148,34 +151,7 @@ def prove(at: int, k: int) -> None:
         if s.unit[0] * s.metric[c] > ALONE * s.numbers[0]:
             far = r.pulled[c] / (1.0 + abs(s.value[s.sizes[0] + c]) * scale)
             r.found[k, 4] = max(r.found[k, 4], far if off < inf else inf)
-
-
-@part
-def retain(here: int, count: int, item: int) -> int:
-    """Item ``item`` holds a level back, as row ``count`` of those that narrow the space; how many there are then."""
-    w = space(here)
-    w.size[count] = item_in_space(here, item)
-    gradient_of_item(w, item)
-    w.v[count] = left_by_rounding(w, w.whole[item])
-    copy(w.R[item], w.C[count])
-    w.kept[item], w.loose[item] = 1.0, 0.0
-    return count + 1
-
-
-@part
-def tighten(at: int) -> bool:
-    """From the last good answer on, retain the items that may have held levels above back; whether there are any."""
-    r = ranking(at)
-    here = r.sizes[Count.SPACE]
-    w = space(here)
-    copy(r.best, views(w.sizes[Size.CORE]).value)
-    begin_here(here)
-    count = 0
-    for item in range(w.sizes[Size.ITEMS]):
-        if w.loose[item] != 0.0:
-            count = retain(here, count, item)
-    narrow(here, count, DEPENDENT)
-    return count > 0
+    return bool(r.found[k, 2] <= MET and r.found[k, 4] <= DISTANCE * MET)
 
 
 @part
@@ -202,10 +178,13 @@ def hold(at: int, k: int) -> None:
     elif not is_damped:
         r.unmet[k] = 1.0
         for i in range(w.sizes[Size.HELD]):
-            if w.holds[i] > 1.0:
-                count = retain(here, count, w.item[i])
+            if w.holds[i] > (NOISE / ROUNDING if r.sizes[Count.ALL] else 1.0):
+                item = w.item[i]
+                w.size[count], w.v[count], w.kept[item] = item_in_space(here, item), w.lost[item], 1.0
+                copy(w.R[item], w.C[count])
+                count += 1
             elif w.holds[i] > NOISE / ROUNDING:
-                w.loose[w.item[i]] = 1.0
+                r.sizes[Count.LOOSE] = 1
         narrow(here, count, DEPENDENT)
         for i in range(own):
             whole = gradient_of_own(here, i)
@@ -268,6 +247,7 @@ def rank(at: int) -> int:
     r = ranking(at)
     last, k, qps = r.sizes[Count.LEVELS] - 1, r.sizes[Count.START], r.sizes[Count.QPS]
     clear(r.unmet)
+    r.sizes[Count.LOOSE] = 0
     while True:
         qps += 1
         code = decide(at, k, True)
@@ -278,22 +258,20 @@ def rank(at: int) -> int:
     if code != SOLVED:
         return int(code)
     s = views(space(r.sizes[Count.SPACE]).sizes[Size.CORE])
-    while True:
-        prove(at, k)
-        if k == last:
-            break
+    certified = prove(at, k)
+    while k < last:
         hold(at, k)
         if qps >= r.sizes[Count.BUDGET]:
             break
         copy(s.value, r.best)
         qps += 1
         code = decide(at, k + 1, False)
-        if code != SOLVED and qps < r.sizes[Count.BUDGET] and tighten(at):
-            qps += 1
-            code = decide(at, k + 1, False)
         if code != SOLVED:
             copy(r.best, s.value)
             break
         k += 1
+        certified = prove(at, k) and certified
     r.sizes[Count.ENDED], r.sizes[Count.QPS] = k, qps
+    if not (code == SOLVED and certified) and r.sizes[Count.LOOSE]:
+        return AGAIN
     return SOLVED

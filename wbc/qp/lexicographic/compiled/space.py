@@ -42,7 +42,6 @@ class Space(NamedTuple):
     high: Annotated[Vec, "m"]
     side: Annotated[Vec, "m"]  # +1 held at its upper bound, −1 at its lower, 0 free
     kept: Annotated[Vec, "m"]  # 1 where an item held a level above back, and stays
-    loose: Annotated[Vec, "m"]  # 1 where an item may have held a level above back, and is let go
     idle: Annotated[Vec, "m"]  # 1 where an item cannot stop a step
     push: Annotated[Vec, "m"]  # what a held item pushes with, down from above
     wrong: Annotated[Vec, "m"]  # how much a held item pulls instead; −1 where a free one is beyond a bound
@@ -80,6 +79,7 @@ class Space(NamedTuple):
     whole: Annotated[Vec, "m"]  # lengths of the items there
     R: Annotated[Mat, "m, n"]  # items in z, of which ``span`` says where they are written
     span: Annotated[Vec, "m"]  # their lengths in z, −1 where none is
+    lost: Annotated[Vec, "m"]  # what of these is rounding
     proof: Annotated[Vec, "2"]  # what is beyond bounds, and how far the rows of the level can be off
     held: Annotated[Vec, "m"]  # the side that the core found for each item
     which: Annotated[Index, "k"]  # which of y each row behind those in G is about, −1 − c of u where it is c
@@ -278,7 +278,8 @@ def item_in_space(at: int, item: int) -> float:
     w = space(at)
     if w.span[item] < 0.0:
         gradient_of_item(w, item)
-        w.span[item] = known_in_space(at, w.whole[item], left_by_rounding(w, w.whole[item]), w.R[item])
+        w.lost[item] = left_by_rounding(w, w.whole[item])
+        w.span[item] = known_in_space(at, w.whole[item], w.lost[item], w.R[item])
     return float(w.span[item])
 
 
@@ -350,7 +351,6 @@ def open_space(at: int, first: int) -> float:
         w.y0[i] = s.value[nu + i] = s.centre[i]
     clear(w.doubt)
     clear(w.kept)
-    clear(w.loose)
     for item in range(w.sizes[Size.ITEMS]):
         if item < n:
             w.whole[item] = w.root[item]
