@@ -163,14 +163,15 @@ def test_reference_configurations_are_named_ones():
     assert quietly(model, q0="bent").q0[3] == pytest.approx(0.3)
 
 
-@pytest.mark.parametrize("own", ["fixed", "floating"])
-@pytest.mark.parametrize("base", ["fixed", "floating", "planar"])
-def test_the_base_of_a_model_can_be_another(base: str, own: str):
-    """It is the robot that its file gives on that base, whose base link has a mass too."""
+@pytest.mark.parametrize("own", ["fixed", "floating", "planar"])
+@pytest.mark.parametrize("base", [None, "fixed", "floating", "planar"])
+def test_the_base_of_a_model_can_be_another(base: str | None, own: str):
+    """It is the robot that its file gives on that base, whose base link has a mass too; by default its own."""
     path = str(OWN / "quadruped.urdf")
-    model = pin.buildModelFromUrdf(path, *((pin.JointModelFreeFlyer(),) if own == "floating" else ()))
+    root = {"fixed": (), "floating": (pin.JointModelFreeFlyer(),), "planar": (pin.JointModelPlanar(),)}[own]
+    model = pin.buildModelFromUrdf(path, *root)
     model.gravity = pin.Motion(np.array([0.0, 0.0, -1.6, 0.0, 0.0, 0.0]))
-    moon, robots = model.gravity.linear, [quietly(model, base=base), load(path, base=base, feet=[])]
+    moon, robots = model.gravity.linear, [quietly(model, base=base), load(path, base=base or own, feet=[])]
     assert np.array_equal(robots[0].gravity, moon) and robots[0].joint_names == robots[1].joint_names
     assert robots[0].mass == pytest.approx(robots[1].mass)
     states = [robot.state() for robot in robots]
@@ -203,8 +204,26 @@ def test_the_order_of_joints_stays_on_another_base(seed: int):
 )
 def test_joints_that_a_robot_cannot_have_are_named(joint: Any, sentence: str):
     model = pin.Model()
-    model.addJoint(0, joint, pin.SE3.Identity(), "odd")
+    hinge = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "hinge")
+    model.addJoint(hinge, joint, pin.SE3.Identity(), "odd")
     with pytest.raises(ModelError, match=sentence):
+        load(model)
+
+
+def test_a_model_on_a_planar_joint_stands_where_pinocchio_has_it():
+    """Its configurations by name too, and q as ``to_pinocchio`` and ``from_pinocchio`` convert it."""
+    model = pin.buildModelFromUrdf(str(OWN / "arm.urdf"), pin.JointModelPlanar())
+    theirs = np.array([0.4, -0.3, np.cos(2.0), np.sin(2.0), *0.1 * np.arange(7.0)])
+    model.referenceConfigurations["parked"] = theirs
+    robot, data = quietly(model, q0="parked"), model.createData()
+    assert (robot.base, robot.joint_names[:3]) == ("planar", ("base_x", "base_y", "base_yaw"))
+    np.testing.assert_allclose(robot.from_pinocchio(theirs), robot.q0, atol=1e-12)
+    np.testing.assert_allclose(robot.to_pinocchio(robot.q0), theirs, atol=1e-12)
+    pin.framesForwardKinematics(model, data, theirs)
+    tool = data.oMf[model.getFrameId("tool")]
+    np.testing.assert_allclose(robot.state().frame("tool").placement, tool, atol=1e-12)
+    model.jointPlacements[1] = pin.SE3.Random()
+    with pytest.raises(ModelError, match="the planar joint 'root_joint' is not at the world's origin"):
         load(model)
 
 

@@ -25,7 +25,7 @@ class Entry:
     """
 
     urdf: str
-    base: Literal["fixed", "floating"] = "fixed"
+    base: Literal["fixed", "floating", "planar"] = "fixed"
     stance: Mapping[str, float] = field(default_factory=dict)
     pose: str | None = None
     rigid: Sequence[str] = ()

@@ -55,7 +55,8 @@ def load(
     Our own robots are "arm", "quadruped" and "humanoid"; "panda", "go2", "g1", "talos" and others need the package
     example-robot-data. ``base`` says how the robot's first link moves: not at all ("fixed", the default for arms and
     files), six velocities ("floating", the default for robots with legs and for an MJCF body with a free joint), or
-    ("planar") three joints ``base_x``, ``base_y`` [m] and ``base_yaw`` [rad] without limits. What an MJCF draws with a
+    three joints ``base_x``, ``base_y`` [m] and ``base_yaw`` [rad] without limits, in world axes ("planar", the default
+    for a ``pinocchio.Model`` with a planar joint). What an MJCF draws with a
     free joint is fixed where it is drawn, or drives at that height.
 
     ``feet``: what the robot stands on: frames, or :class:`~wbc.models.feet.Foot` with its size and friction. A foot
@@ -75,7 +76,9 @@ def load(
     of hinges and slides with at most one free joint; bodies and named sites are frames (a site named as a body is
     ``<name>_site``), armature is part of M, equal joints are mimic joints, and bodies that are joined are loops
     (``wbc.tasks.mimic_joints``, ``loop_closures``). Springs, tendons and another gravity than 9.81 m/s² along −z are
-    left out with a warning. Other options and what stands still or lies about in the world are not the robot's.
+    left out with a warning. Other options and what stands still or lies about in the world are not the robot's. Joints
+    are in the order of ``joint_names``, limb by limb, limbs of one link in alphabetical order: not as in ``qpos``
+    (:class:`~wbc.sim.bridge.Bridge` converts).
 
     ``packages`` are further folders that ``package://`` and ``../`` in a file may lead to; meshes, and what an MJCF
     file includes, are taken from the file's own folder, its ROS package and these, never from elsewhere. Meshes that
@@ -159,7 +162,8 @@ def _described(robot: Any, folders: list[Path]) -> tuple[Entry, str | None, Urdf
             f"a robot is loaded by name or path, or from a model of Pinocchio or MuJoCo, not by {type(robot).__name__}"
         )
     shapes = (getattr(robot, f"{kind}_model", None) for kind in ("collision", "visual"))
-    return Entry(""), None, *read_pinocchio(model, *shapes)
+    urdf, base, built = read_pinocchio(model, *shapes)
+    return Entry("", base=base), None, urdf, built
 
 
 def _robot_file(path: Path) -> Path:

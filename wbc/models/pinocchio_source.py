@@ -13,6 +13,7 @@ import pinocchio as pin
 
 from wbc.errors import ModelError
 from wbc.models.geometry import Box, Cylinder, Geometry, Mesh, Origin, Shape, Sphere, capsule, triple
+from wbc.models.pinocchio_ import Base
 from wbc.models.poses import BASE, root_joint
 from wbc.models.urdf import Inertial, Joint, JointKind, Link, Urdf, gathered
 from wbc.types import Vec
@@ -27,31 +28,37 @@ _ROOTS = {
         ("base_y_link", "base_yaw", pin.JointModelRZ()),
     ),
 }  # fmt: skip
+#: The base of a model by its first joint.
+_BASES: dict[str, Base] = {"JointModelFreeFlyer": "floating", "JointModelPlanar": "planar"}
 
 
-def read_pinocchio(model: Any, collisions: Any = None, visuals: Any = None) -> tuple[Urdf, Callable[[str], Any]]:
-    """The description of a ``pinocchio.Model``, its shapes from two ``pinocchio.GeometryModel``, and, by its base, the
-    model that has one position for each joint: joints without end are ordinary ones without limits. The order of joints
-    and gravity stay.
+def read_pinocchio(model: Any, collisions: Any = None, visuals: Any = None) -> tuple[Urdf, Base, Callable[[str], Any]]:
+    """The description of a ``pinocchio.Model``, its shapes from two ``pinocchio.GeometryModel``, its own base, and, by
+    base, the model that has one position for each joint: joints without end are ordinary ones without limits. The order
+    of joints and gravity stay.
 
     Raises:
-        ModelError: a joint that is neither revolute nor prismatic, named; a free joint that is not at the world's
-            origin, where q of a simulation would be another; nothing that moves.
+        ModelError: a joint that is neither revolute nor prismatic, named; a free or planar joint that is not at the
+            world's origin, where q of a simulation would be another; nothing that moves.
     """
     reading = _Reading(model.copy())
-    return reading.robot(collisions, visuals), reading.of_one_position_each
+    return reading.robot(collisions, visuals), reading.base, reading.of_one_position_each
 
 
 class _Reading:
     def __init__(self, model: Any) -> None:
         self.model = model
         kinds = [joint.shortname() for joint in model.joints]
-        self.first = 2 if len(kinds) > 1 and kinds[1] == "JointModelFreeFlyer" else 1
+        self.base = _BASES.get(kinds[1], "fixed") if len(kinds) > 1 else "fixed"
+        self.first = 1 if self.base == "fixed" else 2
         if self.first == 2 and not model.jointPlacements[1].isIdentity(1e-12):
-            raise ModelError(f"the free joint {model.names[1]!r} is not at the world's origin; place it there")
+            what = "free" if self.base == "floating" else "planar"
+            raise ModelError(f"the {what} joint {model.names[1]!r} is not at the world's origin; place it there")
         odd = [f"{model.names[i]!r} is {kinds[i]}" for i in range(self.first, model.njoints) if model.nvs[i] != 1]
         if odd:
-            raise ModelError(f"joint {'; '.join(odd)}: joints turn about or move along one axis, after one free joint")
+            raise ModelError(
+                f"joint {'; '.join(odd)}: joints turn about or move along one axis, after one free or planar joint"
+            )
         for i in range(2, model.njoints):
             if model.parents[i] not in model.supports[i - 1]:
                 raise ModelError(
@@ -84,7 +91,7 @@ class _Reading:
                 joints.append(Joint(f"{frame.name}_mount", "fixed", parent, frame.name, at))
         return Urdf(
             model.name or "robot", tuple(links), tuple(joints), self._shapes(visuals), self._shapes(collisions),
-            base=Origin() if self.first == 2 else None, left_out=tuple(self.left_out),
+            base=Origin() if self.base == "floating" else None, left_out=tuple(self.left_out),
             poses={x.key(): self._pose(np.array(x.data())) for x in model.referenceConfigurations},
         )  # fmt: skip
 
@@ -108,8 +115,11 @@ class _Reading:
     def _pose(self, q: Vec) -> dict[str, list[float]]:
         model = self.model
         pose = {model.names[i]: q[model.idx_qs[i] :][: model.nqs[i]].tolist() for i in range(1, model.njoints)}
-        if self.first == 2:
+        if self.base == "floating":
             pose[BASE] = pose.pop(model.names[1])
+        elif self.base == "planar":
+            x, y, *heading = pose.pop(model.names[1])
+            pose |= {"base_x": [x], "base_y": [y], "base_yaw": heading}
         return pose
 
     def of_one_position_each(self, base: str) -> Any:
