@@ -15,6 +15,7 @@ from tasks import (
     BoxLimits,
     CenterOfMass,
     ConeLimit,
+    Distance,
     FrameVelocityLimits,
     HalfSpaceLimit,
     JointLimits,
@@ -212,3 +213,20 @@ def test_feet_that_are_not_there_are_refused_by_name():
         SupportPolygon.under(QUADRUPED, ["front_left_foo"])
     with pytest.raises(NotSupported, match="nothing is known about the feet"):
         SupportPolygon.under(ARM)
+
+
+@pytest.mark.parametrize(("radius", "offset"), [(0.05, (0.3, 0.3, 0.0)), (0.1, (0.2, 0.1, 0.0))])
+@pytest.mark.parametrize("share", [0.8, 1.3])
+def test_a_task_rests_on_a_ball_while_its_steps_are_small(radius: float, offset: tuple[float, ...], share: float):
+    """docs/limits.md: it does if rate dt < 2 R/D, for a target at D from the centre."""
+    dt, q, v, state, off = 1e-2, ARM.q0, np.zeros(ARM.nv), ARM.state(), np.array(offset)
+    rate = 2.0 * share * radius / float(np.linalg.norm(off)) / dt
+    ball = Distance("tool", to=P, target=radius).within(0.0, np.inf)
+    stack = Stack([Position("tool", target=P + off, rate=rate), Posture(q, weight=1e-4)], subject_to=[ball])
+    controller = Controller(ARM, stack, level=VelocityLevel(lm_damping=0.0), dt=dt)
+    for k in range(600):
+        command = controller.tick(k * dt, q, v)
+        q, v = command.q, command.v
+    state.update(0.0, q, v)
+    beyond = np.linalg.norm(state.frame("tool").position - P) - radius
+    assert (abs(v).max() < 0.02 and beyond < 1e-6) if share < 1.0 else (abs(v).max() > 0.1 and beyond > 1e-3)
