@@ -114,21 +114,21 @@ class Stack(Frozen, metaclass=TellsArguments):
         return "\n".join(lines)
 
 
-#: What may stand in each place, and what to write there.
-_PLACES: Mapping[str, tuple[Any, str]] = {
-    "tasks": (Objective, "a task, such as Posture(robot.q0)"),
-    "subject_to": ((Constraint, Exactly), "a constraint, such as JointLimits()"),
-    "contacts": (Contact, "a contact, such as each of feet(robot)"),
-    "components": (Component, "a component, such as ContactSchedule(…)"),
+#: What may stand in each place, what to write there, and the method that makes it of another member.
+_PLACES: Mapping[str, tuple[Any, str, str]] = {
+    "tasks": (Objective, "a task, such as Posture(robot.q0)", "softly"),
+    "subject_to": ((Constraint, Exactly), "a constraint, such as JointLimits()", "exactly"),
+    "contacts": (Contact, "a contact, such as each of feet(robot)", "with_reaction"),
+    "components": (Component, "a component, such as ContactSchedule(…)", ""),
 }
 
 
 def _only(where: str, members: Iterable[Any]) -> None:
-    kinds, such = _PLACES[where]
+    kinds, such, method = _PLACES[where]
     for i, member in enumerate(members):
         if not isinstance(member, kinds):
             if isinstance(member, type):
                 raise InvalidInput(f"{where}[{i}] is the class {member.__name__}; write {member.__name__}(…)")
-            place = next((f"belongs in {one}" for one, (kind, _) in _PLACES.items() if isinstance(member, kind)), "")
-            hint = "; task.exactly() makes a constraint of it" if isinstance(member, Objective) else ""
+            place = next((f"belongs in {one}" for one, (kind, *_) in _PLACES.items() if isinstance(member, kind)), "")
+            hint = f"; its {method}() belongs here" if hasattr(member, method) else ""
             raise InvalidInput(f"{where}[{i}] is {checks.shown(member)}; it {place or f'must be {such}'}{hint}")
