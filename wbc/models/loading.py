@@ -77,8 +77,8 @@ def load(
     ``<name>_site``), armature is part of M, equal joints are mimic joints, and bodies that are joined are loops
     (``wbc.tasks.mimic_joints``, ``loop_closures``). Springs, tendons and another gravity than 9.81 m/s² along −z are
     left out with a warning. Other options and what stands still or lies about in the world are not the robot's. Joints
-    are in the order of ``joint_names``, limb by limb, limbs of one link in alphabetical order: not as in ``qpos``
-    (:class:`~wbc.sim.bridge.Bridge` converts).
+    are in the order of ``joint_names``, limb by limb, limbs of one link in the alphabetical order of their joints: not
+    as in ``qpos`` (:class:`~wbc.sim.bridge.Bridge` converts).
 
     ``packages`` are further folders that ``package://`` and ``../`` in a file may lead to; meshes, and what an MJCF
     file includes, are taken from the file's own folder, its ROS package and these, never from elsewhere. Meshes that
