@@ -78,6 +78,7 @@ from .limits.support_polygon import SupportPolygon as SupportPolygon
 from .limits.torque import TorqueLimits as TorqueLimits
 from .limits.torque_speed import TorqueSpeedLimits as TorqueSpeedLimits
 from .linear_momentum import LinearMomentum as LinearMomentum
+from .local_position import LocalPosition as LocalPosition
 from .loop_closure import LoopClosure as LoopClosure
 from .loop_closures import loop_closures as loop_closures
 from .low_acceleration import LowAcceleration as LowAcceleration

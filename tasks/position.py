@@ -14,7 +14,8 @@ from wbc.stack.tracking import Tracking
 
 from .trajectories import Sinusoid
 
-_AXES = ("xyz", "xy", "yz", "xz", "x", "y", "z")
+#: What ``axes`` may be.
+AXES = ("xyz", "xy", "yz", "xz", "x", "y", "z")
 
 
 @final
@@ -41,7 +42,7 @@ class Position(Tracking, KernelTask):
         weight: Any = 1.0, name: str | None = None,
     ) -> None:  # fmt: skip
         self.frame = self.subject = frame
-        checks.one_of(f"{self.name}.axes", axes, _AXES)
+        checks.one_of(f"{self.name}.axes", axes, AXES)
         self.dim, self.labels = len(axes), axes
         self.convert = vector_target(self.dim)
         super().__init__(kp=kp, kd=kd, rate=rate, weight=weight, name=name)

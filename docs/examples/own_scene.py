@@ -13,7 +13,8 @@ scene = mujoco.MjModel.from_xml_string("""<mujoco>
     <body pos="2 0 1"><freejoint/><geom size="0.1"/></body>
     <body><joint name="crank" axis="0 1 0"/><geom type="capsule" size="0.02" fromto="0 0 0 0 0 0.3" contype="0"/>
       <body pos="0 0 0.3"><joint name="coupler" axis="0 1 0"/>
-        <geom type="capsule" size="0.02" fromto="0 0 0 0.4 0 0" contype="0"/><site name="end" pos="0.4 0 0"/></body></body>
+        <geom type="capsule" size="0.02" fromto="0 0 0 0.4 0 0" contype="0"/><site name="end" pos="0.4 0 0"/>
+      </body></body>
     <body pos="0.4 0 0"><joint name="rocker" axis="0 1 0"/>
       <geom type="capsule" size="0.02" fromto="0 0 0 0 0 0.3" contype="0"/><site name="pin" pos="0 0 0.3"/></body>
   </worldbody>

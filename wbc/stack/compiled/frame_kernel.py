@@ -39,6 +39,27 @@ def position(at: int) -> int:
 
 
 @callee
+def own_position(at: int) -> int:
+    """The way d to a target along the frame's own axes a, ȧ = ω × a; ``numbers``: which.
+
+    a·d falls as a·(ṗ + ω × d − ṗ_target), whose rate has −a·(ω × (2 (ṗ − ṗ_target) + ω × d)) beside accelerations.
+    """
+    k = rows(at)
+    R, w = k.place[0], three(k.motion[0], 3)
+    d = plus(three(k.value, 0), -1.0, three(R, 9))
+    bent = cross(plus(cross(w, d), 2.0, plus(three(k.motion[0], 0), -1.0, three(k.rate, 0))), w)
+    for r in range(len(k.e)):
+        i = int(k.numbers[r])
+        axis = R[i], R[3 + i], R[6 + i]
+        lever = cross(d, axis)
+        for c in range(3):
+            k.C[r, c], k.C[r, 3 + c] = axis[c], lever[c]
+        k.e[r], k.bent[r] = dot(axis, d), dot(axis, bent)
+        k.rate_ref[r], k.acc_ref[r] = dot(axis, three(k.rate, 0)), dot(axis, three(k.second, 0))
+    return 1
+
+
+@callee
 def pose(at: int) -> int:
     """Position and orientation, or one of them; ``numbers``: which of the six rows."""
     k = rows(at)
