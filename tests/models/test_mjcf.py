@@ -318,6 +318,37 @@ def test_a_site_named_as_its_body_is_another_frame(tmp_path):
     assert {"link", "link_site"} <= set(wbc.load(path).frame_names)
 
 
+#: Names that this library gives to links and joints of the robot below, and some of its own.
+OURS = ("a", "b", "j", "k", "b_mount", "b_mount_", "c_mount", "b_site", "b_site_site", "s_site", "b/j", "b/k", "c_site")
+OURS += ("loop_1", "tie_1", "tie_1_mount", "world_mount", "world_site", "joint_1", "joint_2", "body_3")
+
+
+@given(
+    joints=st.lists(st.sampled_from(OURS), min_size=2, max_size=2, unique=True), child=st.sampled_from(["", *OURS[2:]]),
+    sites=st.lists(st.sampled_from(OURS), min_size=2, max_size=2, unique=True),
+    free=st.sampled_from(["", "<freejoint/>"]), base=st.sampled_from(["fixed", "floating"]),
+)  # fmt: skip
+@settings(deadline=None)
+def test_names_of_a_file_are_kept_whatever_we_call_the_parts_that_we_add(joints, child, sites, free, base):
+    """Of joints, of bodies and of sites, but of those that are called as a body: all are where MuJoCo has them."""
+    text = f"""<mujoco><worldbody><body name="a" pos="0 .2 0">{free}<geom size=".1"/><body name="b" pos="0 0 1">
+      <joint name="{joints[0]}" axis="0 1 0"/><joint name="{joints[1]}" pos="0 0 .1"/><geom size=".1" pos="0 0 .2"/>
+      <site name="{sites[0]}" pos="0 .4 .3"/><site name="{sites[1]}" pos=".7 0 .3"/>
+      <body pos="0 0 .5"{child and f' name="{child}"'}><joint axis="0 1 0"/><geom size=".05"/></body></body></body>
+      </worldbody><equality><connect name="tie" body1="a" body2="b" anchor="0 0 .4"/></equality></mujoco>"""
+    physics = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(physics)
+    mujoco.mj_forward(physics, data)
+    robot = wbc.load(physics, base=base if free else "fixed")
+    assert robot.joint_names[:2] == tuple(joints) and robot.nj == 3
+    state = robot.state()
+    bodies = {"a", "b", child} - {""}
+    for name in bodies:
+        np.testing.assert_allclose(state.frame(name).position, data.body(name).xpos, atol=1e-9)
+    for name in {*sites} - bodies:
+        np.testing.assert_allclose(state.frame(name).position, data.site(name).xpos, atol=1e-9)
+
+
 def test_what_is_left_out_is_said(tmp_path):
     more = (
         '<tendon><fixed name="cord"><joint joint="hinge" coef="1"/></fixed></tendon>'

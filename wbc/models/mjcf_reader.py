@@ -25,7 +25,7 @@ from wbc.models.geometry import IDENTITY, Box, Color, Cylinder, Geometry, Mesh, 
 from wbc.models.mjcf_source import MjcfSource
 from wbc.models.mujoco_import import import_mujoco
 from wbc.models.poses import BASE
-from wbc.models.urdf import Inertial, Joint, JointKind, Link, Loop, Urdf, gathered
+from wbc.models.urdf import Inertial, Joint, JointKind, Link, Loop, Urdf, gathered, unused
 from wbc.types import Mat, Vec
 
 WORLD = "world"
@@ -100,6 +100,10 @@ class _Translation:
         self.loops: list[Loop] = []
         self.left_out: list[str] = []
         self.mimics: dict[int, tuple[str, float, float]] = {}
+        # Names of the file; what gets one here is called otherwise. Bodies and sites may share a name, links may not.
+        self._joint_names = {str(compiled.jnt(i).name) for i in range(compiled.njnt)}
+        self._body_names = {WORLD, *(str(compiled.body(i).name) for i in range(compiled.nbody))}
+        self._link_names = self._body_names | {str(compiled.site(i).name) for i in range(compiled.nsite)}
 
     def robot(self, name: str, left_out: Sequence[str]) -> Urdf:
         m = self.m
@@ -148,10 +152,15 @@ class _Translation:
 
     # ---- names
     def body(self, index: int) -> str:
-        return str(self.m.body(index).name) or f"body_{index}"
+        return str(self.m.body(index).name) or unused(f"body_{index}", self._link_names)
 
     def joint(self, index: int) -> str:
-        return str(self.m.jnt(index).name) or f"joint_{index}"
+        return str(self.m.jnt(index).name) or unused(f"joint_{index}", self._joint_names)
+
+    def _fix(self, parent: str, child: str, origin: Origin, how: str = "mount") -> None:
+        """A link that is fixed to another, which has a joint's name too."""
+        name = unused(f"{child}_{how}", self._joint_names)
+        self.joints.append(Joint(name, "fixed", parent, child, origin))
 
     def _refuse_and_leave_out(self) -> None:
         m, ours = self.m, np.array([0.0, 0.0, -9.81])
@@ -216,14 +225,14 @@ class _Translation:
             origin = self._at_zero(joint, np.array(here.xyz) + here.rotation @ step, here.rotation)
             anchor = m.jnt_pos[joint]
             last = joint == joints[-1]
-            child = name if last and not anchor.any() else f"{name}/{self.joint(joint)}"
+            child = name if last and not anchor.any() else unused(f"{name}/{self.joint(joint)}", self._link_names)
             self.links.append(Link(child, _moved(inertial, -anchor) if last else None))
             self.joints.append(self._joint(joint, parent, child, origin))
             parent, here = child, IDENTITY
         if parent != name:
             self.links.append(Link(name, None if joints else inertial))
             at = Origin(triple(-anchor)) if joints else here
-            self.joints.append(Joint(f"{name}_mount", "fixed", parent, name, at))
+            self._fix(parent, name, at)
 
     def _at_zero(self, joint: int, position: Vec, R: Mat) -> Origin:
         """Where the joint is at its position zero: the file draws it at its reference position."""
@@ -238,10 +247,10 @@ class _Translation:
     def _add_site(self, site: int) -> None:
         m = self.m
         name, origin = str(m.site(site).name), Origin.of(m.site_pos[site], self._matrix(m.site_quat[site]))
-        if any(link.name == name for link in self.links):  # bodies and sites may share a name, links may not
-            name += "_site"
+        if name in self._body_names:
+            name = unused(f"{name}_site", self._link_names)
         self.links.append(Link(name))
-        self.joints.append(Joint(f"{name}_site", "fixed", self.body(m.site_bodyid[site]), name, origin))
+        self._fix(self.body(m.site_bodyid[site]), name, origin, "site")
 
     def _inertial(self, body: int) -> Inertial | None:
         m = self.m
@@ -349,8 +358,9 @@ class _Translation:
         carrier, R = self.body(body) if body else WORLD, self._matrix(quaternion)
         if not position.any() and np.array_equal(R, np.eye(3)):
             return carrier
+        name = unused(name, self._link_names)
         self.links.append(Link(name))
-        self.joints.append(Joint(f"{name}_mount", "fixed", carrier, name, Origin.of(position, R)))
+        self._fix(carrier, name, Origin.of(position, R))
         return name
 
     # ---- shapes

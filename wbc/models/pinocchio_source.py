@@ -15,7 +15,7 @@ from wbc.errors import ModelError
 from wbc.models.geometry import Box, Cylinder, Geometry, Mesh, Origin, Shape, Sphere, capsule, triple
 from wbc.models.pinocchio_ import Base
 from wbc.models.poses import BASE, root_joint
-from wbc.models.urdf import Inertial, Joint, JointKind, Link, Urdf, gathered
+from wbc.models.urdf import Inertial, Joint, JointKind, Link, Urdf, gathered, unused
 from wbc.types import Vec
 
 _LINKS = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
@@ -88,7 +88,8 @@ class _Reading:
                 names.add(frame.name)
                 links.append(Link(frame.name))
                 at, parent = _origin(frame.placement), self.link_of[frame.parentJoint]
-                joints.append(Joint(f"{frame.name}_mount", "fixed", parent, frame.name, at))
+                mount = unused(f"{frame.name}_mount", model.names)
+                joints.append(Joint(mount, "fixed", parent, frame.name, at))
         return Urdf(
             model.name or "robot", tuple(links), tuple(joints), self._shapes(visuals), self._shapes(collisions),
             base=Origin() if self.base == "floating" else None, left_out=tuple(self.left_out),

@@ -12,7 +12,7 @@ import numpy as np
 from wbc.errors import ModelError
 from wbc.models.feet import Foot
 from wbc.models.geometry import Box, Cylinder, Geometry, Mesh, Origin, Sphere, triple
-from wbc.models.urdf import Joint
+from wbc.models.urdf import Joint, unused
 from wbc.types import Mat, Vec
 
 if TYPE_CHECKING:
@@ -170,11 +170,9 @@ class Measured:
         return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
     def _new(self, link: str, R: Mat, position: Vec) -> str:
-        name, carrier = f"{link}_foot", self._state.frame(link)
-        while name in self._joint_of:
-            name += "_"
+        name, carrier = unused(f"{link}_foot", self._joint_of), self._state.frame(link)
         at = Origin.of(carrier.rotation.T @ (position - carrier.position), carrier.rotation.T @ R)
-        self.added.append(Joint(f"{name}_mount", "fixed", link, name, at))
+        self.added.append(Joint(unused(f"{name}_mount", self._joint_of), "fixed", link, name, at))
         return name
 
 

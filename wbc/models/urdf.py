@@ -7,7 +7,7 @@ Reading is in :mod:`wbc.models.urdf_reader`. Source: the URDF specification, htt
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from graphlib import CycleError, TopologicalSorter
 from math import inf, isnan
@@ -161,7 +161,8 @@ class Urdf:
         """The same robot, fixed where the description draws its free base; without one, as it is."""
         if self.base is None or self.base == IDENTITY:
             return self
-        mount = Joint("world_mount", "fixed", "world", self.root, self.base)
+        name = unused("world_mount", [joint.name for joint in self.joints])
+        mount = Joint(name, "fixed", "world", self.root, self.base)
         return replace(self, links=(Link("world"), *self.links), joints=(mount, *self.joints))
 
     def on_plane(self) -> Urdf:
@@ -245,6 +246,19 @@ def gathered(read: Callable[[_T], _R], items: Iterable[_T]) -> list[_R]:
     if wrong:
         raise ModelError("; ".join(wrong))
     return found
+
+
+def unused(name: str, taken: Container[str]) -> str:
+    """A name that this library gives to a part of a robot, followed by as many _ as make it another than the file's.
+
+    Example:
+        >>> from wbc.models.urdf import unused
+        >>> unused("arm_mount", ["arm_mount", "elbow"])
+        'arm_mount_'
+    """
+    while name in taken:
+        name += "_"
+    return name
 
 
 def _refuse_twice(what: str, names: Sequence[str]) -> None:
