@@ -80,6 +80,30 @@ def test_nothing_that_is_not_finite_comes_out(seed: int) -> None:
         assert abs(np.linalg.norm(q[3:7]) - 1.0) < 1e-9
 
 
+@settings(max_examples=20, deadline=None)
+@given(
+    start=st.sampled_from([0.0, 1e5]), wild=st.sampled_from([-1e7, -3.0, 0.8, 60.0, 4.3e6, 1e12]), k=st.integers(2, 28),
+)  # fmt: skip
+def test_one_wild_stamp_costs_its_sample_and_nothing_else(start: float, wild: float, k: int) -> None:
+    """Far in the future or the past: as if this sample had been lost. Two that agree are a clock that has jumped."""
+    ends = []
+    for stamp in (None, start + wild):
+        one = estimator()
+        one.reset(standing(duration=0.2).q[0], standing(duration=0.2).v[0])
+        for i in range(30):
+            if i == k and stamp is None:
+                continue
+            q, v = one.update(**{**sound(i), "t": stamp if i == k else start + sound(i)["t"]})  # type: ignore[arg-type]
+            assert bool(one.why) == (i == k)
+        ends.append(np.concatenate([q, v]))
+    assert np.array_equal(*ends)
+    said = []
+    for i in range(30, 33):
+        one.update(**{**sound(i), "t": start + wild + sound(i)["t"]})
+        said.append(one.why)
+    assert "sample left out: t is" in said[0] and "nothing was heard" in said[1] and not said[2]
+
+
 @pytest.mark.parametrize("start", [0.0, 1e5, 1.8e9])
 def test_samples_at_fifty_hertz_are_no_gaps(start: float) -> None:
     """At any time of day: differences of the times are then up to 0.2 µs longer than the 20 ms of a gap."""

@@ -19,6 +19,7 @@ from tests.robots.test_devices import order_for
 from tests.robots.test_loop_processes import device as go2
 from wbc.errors import InvalidInput
 from wbc.robots import BaseEstimator, LeRobot, Loop, MotorBoard, Ros2Control
+from wbc.robots.check import _Check
 from wbc.robots.device import Order, rotation
 from wbc.robots.port import DeviceSilent
 from wbc.sim.engine import PhysicsSettings
@@ -124,6 +125,47 @@ def test_what_arrives_is_watched():
     )
     assert counts["lost"] == 4  # one is missing, three were not used
     assert run["device.age"].max() == pytest.approx(2e-3, abs=1e-6)
+
+
+@pytest.mark.parametrize("wild", [-1e6, 2, 1e6])
+def test_one_wild_stamp_is_one_bad_state(wild: float):
+    def spoil(k: int, frame: Any) -> Any:
+        if k == 100:
+            frame.header.stamp = SimpleNamespace(sec=int(1e7 + wild), nanosec=0)
+        else:
+            frame.header.stamp.sec += 10**7
+        return frame
+
+    run = torque_loop(spoil)[0].run(0.5)
+    assert run.meta["ended"] == "complete" and run.meta["loop"]["bad"] == 1
+    assert run.meta["loop"]["out_of_order"] == 0 and run.meta["loop"]["lost"] == 1
+
+
+def test_a_run_goes_on_where_the_counter_of_a_robot_wraps():
+    """After 2³² ms, 49.7 days; the estimate of the base and the record see a time that goes on."""
+    robot = wbc.load("quadruped")
+    plant = MujocoPlant(robot, contacts=feet(robot), settings=PhysicsSettings(armature=0.01))
+    plant.reset(robot.q0, t=2**32 / 1000 - 0.2)
+    device, joint_map = go2(robot)
+    board = MotorBoard(device, plant, joint_map=joint_map, timeout=10.0, on_timeout="hold")
+    base = BaseEstimator(robot, tilt=1e-4)
+    stack = wbc.Stack([Posture(robot.q0, kp=100)], contacts=feet(robot, kp=0.0, kd=20.0))
+    controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), dt=2e-3)
+    run = Loop(board, controller, joint_map=joint_map, base=base, ramp=0.1).run(0.4)
+    assert run.meta["ended"] == "complete" and not base.why
+    assert {run.meta["loop"][name] for name in ("bad", "repeated", "out_of_order", "lost")} == {0}
+    np.testing.assert_allclose(np.diff(run["device.time"])[2:], 2e-3, atol=1e-6)
+    assert device.unpack(device.report(board._last)).time < 0.3, "it has wrapped"
+
+
+def test_a_check_takes_no_wrap_for_states_out_of_order():
+    robot = wbc.load("quadruped", base="fixed")
+    plant = MujocoPlant(robot, dt=2e-3, settings=PhysicsSettings(armature=0.01))
+    plant.reset(robot.q0, t=2**32 / 1000 - 0.2)
+    device, joint_map = go2(robot)
+    board = MotorBoard(device, plant, joint_map=joint_map)
+    checker = _Check(board, robot, device=device, joint_map=joint_map, hands=None, progress=lambda done: None)
+    assert checker.listen(), checker.result
 
 
 @pytest.mark.parametrize(("first", "last"), [(0, np.inf), (0, 50), (50, np.inf), (50, 100)])

@@ -183,6 +183,8 @@ class Device(metaclass=TellsArguments):
     gains: tuple[Any, Any] = (20.0, 1.0)
     law: ClassVar[str] = "impedance"
     unit: ClassVar[str] = "rad"
+    #: After so long [s] the clock of its states starts again at 0.
+    wraps: ClassVar[float] = np.inf
     #: Whether the robot adds the torques that gravity asks for to those that it is sent.
     adds_gravity: ClassVar[bool] = False
     #: By how much a torque that is sent may change in a second [N m/s].

@@ -61,6 +61,7 @@ from wbc.models.poses import configuration
 from wbc.robots.compiled.estimate_kernel import BEFORE, GAP, LAYOUT, NOW, PARTS, STEP, foresee, settle
 from wbc.robots.device import rotation
 from wbc.robots.invariant_filter import ImuNoise, made, start
+from wbc.robots.stamps import FAR, is_wild
 from wbc.types import Mat, Vec
 
 #: How many parts of a sample are needed.
@@ -218,7 +219,7 @@ class BaseEstimator(metaclass=TellsArguments):
         start(self._filter, turn @ e.mount, velocity, place, noise=self.noise, variance=variance, about=feet)
         e.q[:], e.v[:], e.a[:], e.since[:], e.touches[:] = q, v, 0.0, np.inf, 0
         e.out_q[:], e.out_v[:] = q, v
-        e.clock[:] = np.nan
+        e.clock[:], self._stamp = np.nan, math.nan
         self.why = ""
 
     # ---- what is known
@@ -275,7 +276,9 @@ class BaseEstimator(metaclass=TellsArguments):
         """Take up a sample and return (q (nq,), v (nv,)) as :meth:`wbc.Controller.tick` takes them.
 
         A sample that is not finite, out of range, of another shape or not later than the one before is left out:
-        ``why`` says so, and the last (q, v) come back. It raises nothing, and returns finite numbers only.
+        ``why`` says so, and the last (q, v) come back. It raises nothing, and returns finite numbers only. So is one
+        whose time is more than 0.5 s from that of the one before, until the next goes on from it: a clock that jumps
+        costs one sample, and a single wild stamp nothing else.
 
         Args:
             t: time of the sample [s].
@@ -288,8 +291,13 @@ class BaseEstimator(metaclass=TellsArguments):
         e, address = self._estimate, self._everything.address
         try:
             e.clock[NOW] = t = checks.number("t", t)
-            if t <= e.clock[BEFORE]:
-                raise InvalidInput(f"t is {t:g} s, not later than that of the sample before, {e.clock[BEFORE]:g} s")
+            before, heard, self._stamp = e.clock[BEFORE], self._stamp, t
+            if is_wild(t, before, heard):
+                raise InvalidInput(f"t is {t:g} s, far from that of the sample before, {before:g} s")
+            if -FAR <= t - before <= 0.0:
+                raise InvalidInput(f"t is {t:g} s, not later than that of the sample before, {before:g} s")
+            if t < before:  # a clock that has jumped back leaves a gap, as one that jumps forward does
+                e.clock[BEFORE] = 2.0 * t - before
             pressures: Any = forces
             if isinstance(forces, Mapping):
                 pressures = [forces.get(name, math.nan) for name in self._names]

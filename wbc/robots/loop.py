@@ -9,7 +9,8 @@ Torques are continuous at both ends, but for the damping of what moves. What is 
 metadata:
 
     repeated      a state with the time of the one before        out of order   one that is older: it is not used
-    lost          states that are missing between two            bad            frames that are not sound
+    lost          states that are missing between two            bad            frames that are not sound, or whose time
+                                                                                is wild (:mod:`wbc.robots.stamps`)
     late, missed  periods (:class:`wbc.Rate`)
 
 No new state for longer than ``patience`` ends the run. A controller that raises, Ctrl-C and the end of the time end
@@ -21,7 +22,7 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Callable
-from math import isnan
+from math import isnan, nan
 from typing import Any, Protocol, final
 
 import numpy as np
@@ -42,6 +43,7 @@ from wbc.robots.guard import Guard
 from wbc.robots.joint_map import JointMap
 from wbc.robots.motor_board import holding_gains
 from wbc.robots.port import DeviceSilent, Port
+from wbc.robots.stamps import FAR, is_wild, unwrapped
 from wbc.types import Mat, Vec
 
 AT_END = ("hold", "release")
@@ -183,6 +185,7 @@ class Loop(metaclass=TellsArguments):
         self._recorder, self._counts = Recorder(ticks or _ROWS), dict.fromkeys(COUNTS, 0)
         self._rate = Rate(self.dt, clock=self.port.clock, sleep=self.port.sleep)
         self._reading: Reading | None = None
+        self._time = self._stamp = nan  # of the last state, and of the last that came
         ended = "complete"
         self._wait()
         collects = gc.isenabled()
@@ -240,7 +243,7 @@ class Loop(metaclass=TellsArguments):
                 self._estimate(t)
             age = self.port.clock() - self._heard
             command = self._recorder.tick(
-                self.driver, t, self._q, self._v, **{"device.time": self.reading.time, "device.age": age},
+                self.driver, t, self._q, self._v, **{"device.time": self._time, "device.age": age},
                 **{"device.q": self.reading.q, "device.tau": self.reading.tau},
             )  # fmt: skip
             share = min(1.0, (k + 1) * self.dt / self._ramp)
@@ -294,14 +297,15 @@ class Loop(metaclass=TellsArguments):
         except BadFrame:
             self._counts["bad"] += 1
             return False
-        last = self._reading
-        if last is not None and not isnan(passed := reading.time - last.time):
-            if passed <= 0.0:
-                self._counts["repeated" if passed == 0.0 else "out_of_order"] += 1
+        time, stamp = unwrapped(reading.time, self._time, self.port.device.wraps), self._stamp
+        self._stamp = time
+        if not isnan(passed := time - self._time):
+            if (wild := is_wild(time, self._time, stamp)) or -FAR <= passed <= 0.0:
+                self._counts["bad" if wild else "repeated" if passed == 0.0 else "out_of_order"] += 1
                 return False
             expected = max(self.dt, 1.0 / self.port.device.rate)
             self._counts["lost"] += max(0, round(passed / expected) - 1)
-        self._reading, self._heard = reading, self.port.clock()
+        self._reading, self._time, self._heard = reading, time, self.port.clock()
         return True
 
     def _joint_state(self) -> tuple[Vec, Vec, Vec]:
@@ -334,7 +338,7 @@ class Loop(metaclass=TellsArguments):
             self._q, self._v = q, v
             return
         reading = self.reading
-        time = t if isnan(reading.time) else reading.time
+        time = t if isnan(self._time) else self._time
         self._q, self._v = self.base.update(time, q, v, reading.gyro, reading.acceleration, joint_tau=tau)
 
     def _asked(self, command: Command) -> Order:

@@ -106,6 +106,8 @@ class Unitree(Device):
     #: The field of a state with the forces in the feet; the slot whose position is the weight of an order.
     feet: ClassVar[str | None] = None
     weight_slot: ClassVar[int | None] = None
+    #: ``tick`` counts milliseconds in 32 bits: 49.7 days.
+    wraps: ClassVar[float] = 2**32 / 1000
     #: Slot of each motor.
     index: Index
     rate = 500.0
