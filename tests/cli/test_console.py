@@ -111,6 +111,34 @@ def test_an_exit_of_a_users_code_keeps_its_number(monkeypatch):
     assert left.value.code == 3
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a full disk to write to")
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_full_disk_is_one_sentence(unbuffered, tmp_path):
+    said = tmp_path / "said"
+    assert _answered(f">/dev/full 2>{said}", "list", PYTHONUNBUFFERED=unbuffered) == console.BAD_INPUT
+    assert said.read_text() == "wbc: the output is not whole: No space left on device\n"
+
+
+@pytest.mark.parametrize("module", ["wbc.cli.app", "wbc.cli.bench"])
+def test_an_interrupt_while_modules_are_imported_is_one_sentence(module):
+    """Which takes a second or more: the first time that Ctrl-C is pressed."""
+    script = f"""
+import sys
+class Interrupts:
+    def find_spec(self, name, path=None, target=None):
+        if name == {module!r}:
+            raise KeyboardInterrupt
+sys.meta_path.insert(0, Interrupts())
+from wbc.cli import main
+sys.argv = ["wbc", "list"]
+main()
+"""
+    how = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+    ended = subprocess.run([sys.executable, "-c", script], env=how, capture_output=True, text=True)
+    assert ended.returncode == console.INTERRUPTED
+    assert ended.stderr == "wbc: interrupted; nothing was written\n"
+
+
 @pytest.mark.parametrize("closed", ["2>&-", ">&- 2>&-", ">&- 2>&- <&-"])
 def test_closed_streams_change_no_exit_code(closed):
     assert _answered(closed, "run", "nosuch") == console.BAD_INPUT

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import sys
+
 
 def main() -> None:
     """Run the command line and exit: 0 good, 1 a verdict of no, 2 bad input or a scenario's error, 130 interrupted,
     141 nobody reads what it prints."""
-    from wbc.cli.app import run_app
+    try:
+        from wbc.cli.app import run_app  # takes a second or two, in which Ctrl-C may come
 
-    run_app()
+        run_app()
+    except KeyboardInterrupt:
+        print("wbc: interrupted; nothing was written", file=sys.stderr)
+        sys.exit(130)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import warnings
+from errno import EDQUOT, ENOSPC
 from io import TextIOWrapper
 from traceback import print_exc
 from typing import Annotated, Any
@@ -77,13 +78,19 @@ def run_app() -> None:
             raise  # a user's own exit
         _silence(1)  # typer and rich exit with 1, which would be a verdict of no
         sys.exit(UNREAD)
+    except typer.Abort:  # Ctrl-C outside of a verb
+        raise KeyboardInterrupt from None
     except usage_error as error:
         complaint: Any = error
         verb = "wbc" if complaint.ctx is None else complaint.ctx.command_path
         complain(f"{complaint.format_message().rstrip('.')} (see {verb} --help)")
         sys.exit(BAD_INPUT)
-    except Exception:  # a bug, ours or the user's: Python's own exit code, 1, would be that of a verdict
-        print_exc()
+    except Exception as cause:  # a bug, ours or the user's: Python's own exit code, 1, would be that of a verdict
+        if isinstance(cause, OSError) and cause.errno in (ENOSPC, EDQUOT):
+            _silence(1)
+            complain(f"{cause.filename or 'the output'} is not whole: {cause.strerror}")
+        else:
+            print_exc()
         sys.exit(BAD_INPUT)
     sys.exit(code or 0)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
 
@@ -37,6 +38,7 @@ def export(
     from wbc.control.recorder import Run
     from wbc.errors import InvalidInput
     from wbc.export import Camera, movie, to_mcap, to_rerun
+    from wbc.files import written
     from wbc.models import load
     from wbc.report.kept import kept_obstacles
     from wbc.report.record import fits, named
@@ -59,21 +61,24 @@ def export(
             raise InvalidInput(f"--camera {camera}: give azimuth and elevation, and perhaps a distance: 140,-15,3")
         looks = Camera(*numbers)
     run = Run.load(folder)
-    with notes():
+    with notes(), ExitStack() as files:  # all of the files are written, or none
         model = named(run) if robot is None else load(robot)
         if model is not None and not fits(model, run):
             raise InvalidInput(f"{model.name} has other joints or another base than the run's robot")
+        if model is None and any(pictures.values()):
+            raise InvalidInput("the run's robot cannot be loaded by its name; give --robot")
+        asides = {path: files.enter_context(written(path)) for path in wanted}
         for path in pictures.values():
-            if path is not None:
-                if model is None:
-                    raise InvalidInput("the run's robot cannot be loaded by its name; give --robot")
+            if path is not None and model is not None:
                 with progress(f"exporting {path.name}") as step:
-                    movie(run, model, path, size=pixels, fps=fps, start=start, end=end, speed=speed, camera=looks,
-                          obstacles=kept_obstacles(folder), progress=step)  # fmt: skip
+                    movie(
+                        run, model, asides[path], size=pixels, fps=fps, start=start, end=end, speed=speed,
+                        camera=looks, obstacles=kept_obstacles(folder), progress=step,
+                    )  # fmt: skip
         for path, write in ((mcap, to_mcap), (rerun, to_rerun)):
             if path is not None:
                 with progress(f"exporting {path.name}") as step:
-                    write(run, path, robot=model, progress=step)
+                    write(run, asides[path], robot=model, progress=step)
         if model is None:
             warnings.warn("the robot is not drawn: it cannot be loaded by the run's name; give --robot", stacklevel=1)
     say(*(f"{path}: {path.stat().st_size / 1e6:.2f} MB" for path in wanted))
