@@ -9,6 +9,7 @@ import pytest
 
 from wbc.errors import ModelError, PathRefused, UnknownRobot
 from wbc.models import load, safe_xml
+from wbc.models.folders import Folders
 
 INERTIAL = (
     '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
@@ -266,6 +267,18 @@ def test_a_file_of_macros_says_how_to_expand_them(tmp_path: Path):
     path = path.rename(tmp_path / "arm.urdf.xacro")
     with pytest.raises(ModelError, match=r"run xacro arm\.urdf\.xacro > arm\.urdf"):
         load(path)
+
+
+@pytest.mark.parametrize("where", ["{}", "src/{}", "src/robots-main/{}", "a/b/c/{}"])
+@pytest.mark.parametrize("folder", ["clone-of-my-arm", "my_arm"])
+def test_a_workspace_finds_its_packages_by_their_own_names(where: str, folder: str, tmp_path: Path):
+    place = tmp_path / "workspace" / where.format(folder)
+    place.mkdir(parents=True)
+    (place / "package.xml").write_text("<package><name>my_arm</name></package>")
+    (place / "link.stl").write_text("a mesh")
+    found = Folders.around(tmp_path, [tmp_path / "workspace"]).find("package://my_arm/link.stl")
+    is_far = where.startswith("a/")
+    assert found == (None if is_far else place / "link.stl")
 
 
 def test_a_package_has_the_name_in_its_package_xml_wherever_it_was_unpacked(package: Path):

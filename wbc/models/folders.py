@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import os
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import final
 from urllib.parse import unquote, urlsplit
@@ -12,12 +14,17 @@ from wbc.errors import ModelError, PathRefused
 from wbc.models.safe_xml import read_xml
 
 
+#: A package is so many folders below the workspace that holds it: workspace/src/repository/package.
+_DEEP = 3
+
+
 @final
 @dataclass(frozen=True)
 class Folders:
     """``home``, the folder of the URDF, and ``packages``, the folders that ``package://`` stands for.
 
-    A package folder is a package itself (the package has its name or the one in its package.xml) or holds packages.
+    A package folder is a package itself (the package has its name or the one in its package.xml) or holds packages, as
+    a workspace does: those up to three folders deep are known by their package.xml.
     Files are read inside these folders only, links resolved: a description is a file from somewhere, and must not reach
     the rest of a disk.
 
@@ -64,17 +71,35 @@ class Folders:
             raise PathRefused(f"{reference[:100]!r} is not a path: {cause}") from None
         return None
 
-    def _candidates(self, reference: str) -> list[Path]:
+    def _candidates(self, reference: str) -> Iterator[Path]:
         scheme, host, rest = urlsplit(reference)[:3] if "://" in reference else ("", "", reference)
-        if scheme == "":
-            return [self.home / rest]
-        if scheme == "file":
-            return [self.home / unquote(rest)]
+        if scheme in ("", "file"):
+            yield self.home / (unquote(rest) if scheme else rest)
+            return
         if scheme != "package":
             raise PathRefused(f"{reference!r} is not a file; meshes are read from paths, file:// and package://")
         package, _, rest = f"{host}/{rest.lstrip('/')}".lstrip("/").partition("/")
-        inside = [folder / rest for folder in self.packages if package == folder.name or package == _told(folder)]
-        return inside + [folder / package / rest for folder in self.packages]
+        for folder in self.packages:
+            if package in (folder.name, _told(folder)):
+                yield folder / rest
+        for folder in self.packages:
+            yield folder / package / rest
+        for folder in self._held.get(package, ()):
+            yield folder / rest
+
+    @cached_property
+    def _held(self) -> dict[str, list[Path]]:
+        """The packages that the package folders hold, by the name in their package.xml."""
+        found: dict[str, list[Path]] = {}
+        for top in self.packages:
+            for place, inner, files in os.walk(top):
+                folder = Path(place)
+                if "package.xml" in files and folder != top:
+                    found.setdefault(_told(folder), []).append(folder)
+                    inner.clear()
+                deep = len(folder.relative_to(top).parts)
+                inner[:] = sorted(name for name in inner if not name.startswith(".") and deep < _DEEP)
+        return found
 
 
 def _told(folder: Path) -> str:
