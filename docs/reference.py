@@ -314,9 +314,14 @@ def catalogue() -> str:
     parts = []
     for kind, found in members().items():
         title, _, where = KINDS[kind]
-        rows = [f"| `{name}` | {about(name, value)} | {short.get(serves.get(name, ''), serves.get(name, ''))} |"
-                for name, value in found]  # fmt: skip
-        parts += [f"\n## {title}\n\n{where}\n", "| | | levels |", "| :-- | :-- | :-- |", *rows]
+        leveled = any(name in serves for name, _ in found)  # of components no level is tried
+        rows = [
+            f"| `{name}` | {about(name, value)} |"
+            + (f" {short.get(serves.get(name, ''), serves.get(name, ''))} |" if leveled else "")
+            for name, value in found
+        ]
+        head = ["| | | levels |", "| :-- | :-- | :-- |"] if leveled else ["| | |", "| :-- | :-- |"]
+        parts += [f"\n## {title}\n\n{where}\n", *head, *rows]
     return "\n".join(parts) + "\n"
 
 
