@@ -27,6 +27,8 @@ from tests.robots.mistakes import CLEAN, MISTAKES, Seeded, checked, page  # noqa
 from tests.robots.test_loop import Spoiled  # noqa: E402
 from wbc.sim.mujoco_ import MujocoPlant  # noqa: E402
 
+GAINS = [200, 200, 150, 150, 60, 60, 20], [10, 10, 8, 8, 2, 2, 0.5]
+
 
 def checked_without_torques(**conventions: Any) -> Checked:
     """A check of an arm that says positions in degrees alone."""
@@ -211,8 +213,7 @@ def test_gears_and_offsets_of_a_robot_without_torques_are_not_proven():
 def test_a_torn_state_is_a_finding_whenever_it_comes(torn: int):
     """While motors move too: an error would leave the robot with its last order."""
     robot = wbc.load("arm")
-    gains = [200, 200, 150, 150, 60, 60, 20], [10, 10, 8, 8, 2, 2, 0.5]
-    group = Ros2Control(robot.joint_names, gains=gains)
+    group = Ros2Control(robot.joint_names, gains=GAINS)
 
     def spoil(k: int, frame: Any) -> Any:
         frame.name = frame.name[k == torn :]
@@ -222,6 +223,20 @@ def test_a_torn_state_is_a_finding_whenever_it_comes(torn: int):
     (found,) = check(port, robot).findings
     assert found.kind == "frame" and found.sentence.startswith("states are not sound: the joint state has no ")
     assert port.k > torn + 100
+
+
+def test_the_joint_that_runs_away_is_named_and_not_the_one_that_is_moved():
+    robot = wbc.load("arm")
+    group = Ros2Control(robot.joint_names, gains=GAINS)
+
+    def spoil(k: int, frame: Any) -> Any:
+        frame.position[3] += 0.02 * max(0, k - 900)  # while the first joint is moved
+        return frame
+
+    port = Spoiled(MotorBoard(group, MujocoPlant(robot, settings=PhysicsSettings(armature=0.01))), spoil)
+    (found,) = check(port, robot).findings
+    assert found.kind == "command" and found.joints == (robot.joint_names[3],)
+    assert found.sentence.startswith(f"{robot.joint_names[3]} runs away: ")
 
 
 def test_a_floating_base_is_refused():

@@ -27,6 +27,7 @@ from wbc.robots.hands import Hands
 from wbc.robots.joint_map import UNITS, JointMap
 from wbc.robots.port import Port
 from wbc.robots.response import CONVINCING, Candidates, Expected, Mistake, Response, Weights
+from wbc.robots.stamps import unwrapped
 from wbc.types import Mat, Vec
 
 #: Motions: frequency [Hz], amplitude [rad, m] and as a share of the joint's range at most, whole periods that it grows
@@ -68,14 +69,14 @@ class Checked:
 
 
 class _Moved(NamedTuple):
-    """Positions, velocities, torques, what orders and states asked of them (N, n); whether it was all of it."""
+    """Positions, velocities, torques, what orders and states asked of them (N, n); the joint that ran away, or None."""
 
     q: Mat
     v: Mat
     tau: Mat
     wanted: Mat
     felt: Mat
-    whole: bool
+    away: int | None
 
 
 @final
@@ -111,9 +112,9 @@ class _Check:
             return False
         rate = len(times) / (self.port.clock() - begun)
         self.result.figures["rate"] = rate
-        steps = np.diff(times)
+        steps = np.diff([unwrapped(one, times[0], self.device.wraps) for one in times])
         if not np.isnan(times[0]):
-            passed = (times[-1] - times[0]) / (len(times) - 1) * rate
+            passed = steps.sum() / len(steps) * rate
             same = int((steps == 0.0).sum())
             if same == len(steps):
                 add("stale", "states are stale: their time stands still")
@@ -202,8 +203,8 @@ class _Check:
         return is_wrong
 
     def _moved(self, motor: int | None, seconds: float) -> _Moved:
-        """What comes back while a motor swings; it ends early where that motor runs away."""
-        joint_map, rows, whole = self.joint_map, [], True
+        """What comes back while a motor swings; it ends early where one runs away."""
+        joint_map, rows, away = self.joint_map, [], None
         for k in range(round(seconds / self.period)):
             t, position = k * self.period, self.still.copy()
             if motor is not None:
@@ -220,11 +221,12 @@ class _Check:
             q, tau = self._state()
             velocity = joint_map.velocity_from_device(rate)
             rows.append((q, velocity, tau, *(joint_map.torque_from_device(part) for part in (wanted, felt))))
-            whole = motor is None or bool((np.abs(reading.q - self.still) <= 4.0 * self.amplitude).all())
-            if not whole:
+            far = (np.abs(reading.q - self.still) / self.amplitude)[joint_map.index]
+            if motor is not None and far.max() > 4.0:
+                away = int(far.argmax())
                 break
         q, v, tau, wanted, felt = (np.array(column) for column in zip(*rows, strict=True))
-        return _Moved(q, v, tau, wanted, felt, whole)
+        return _Moved(q, v, tau, wanted, felt, away)
 
     def move(self) -> Response | None:
         """Move each joint; None where that cannot go on."""
@@ -240,9 +242,11 @@ class _Check:
         for j, name in enumerate(names):
             self.progress(j / n)
             seen = self._moved(int(self.joint_map.index[j]), seconds)
-            if not seen.whole:
-                late = ", or orders act too late to hold it" if self.device.law == "torque" else ""
-                add("command", f"{name} runs away: it is commanded one way and read the other{late}", (name,))
+            if seen.away is not None:
+                who, cause = names[seen.away], "orders act too late to hold it"
+                if self.device.law != "torque":
+                    cause = "the gains of its motor do not hold it"
+                add("command", f"{who} runs away: it is commanded one way and read the other, or {cause}", (who,))
                 return None
             rate, change = weigh @ seen.v[:, j], -first @ (seen.q[:, j] - self.rest[j])
             ratio = float(rate @ change / (change @ change))
