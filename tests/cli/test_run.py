@@ -32,7 +32,7 @@ def test_the_report_folder_holds_page_text_replay_and_record(wbc, waving, tmp_pa
     assert run.rows == 40 and run.meta["parameters"]["amplitude"] == 0.2
 
 
-def test_json_is_one_object_with_nothing_around_it(wbc, waving):
+def test_json_is_one_object_with_nothing_around_it(wbc, waving, tmp_path):
     answer = wbc(
         "run", waving, "--json", "--set", "good=no", "--duration", "0.1", "--out", "report", "--plant", "paper"
     )
@@ -62,7 +62,7 @@ def test_json_is_one_object_with_nothing_around_it(wbc, waving):
         "violations": {"joint velocity": 0.0, "joint position": 0.0},
         "tracking": {"Position[tool]": {"rms": pytest.approx(3**0.5 * 1e-3), "max": pytest.approx(3**0.5 * 1e-3)}},
         "statuses": {"SOLVED": 10},
-        "report": "report",
+        "report": str(tmp_path / "report" / "report.html"),
         "figures": {"waves": 2, "never": None, "path": [0.0, 1.0]},
     }
     assert "a scenario that chatters" in answer.err

@@ -182,6 +182,7 @@ def _unjudged(kept: list[Trial], raised: str) -> ScenarioResult:
 def summary(name: str, result: ScenarioResult, folder: Path) -> dict[str, Any]:
     """The object that ``--json`` prints; numbers that are not finite become null."""
     from wbc.report import measure
+    from wbc.report.folder import HTML
     from wbc.report.record import demands, plain
 
     tick = measure.tick_times(result.run)
@@ -196,7 +197,7 @@ def summary(name: str, result: ScenarioResult, folder: Path) -> dict[str, Any]:
         "violations": {kind: plain(worst) for kind, (worst, _) in result.violations.items()},
         "tracking": plain(result.tracking),
         "statuses": measure.statuses(result.run),
-        "report": str(folder),
+        "report": str((folder / HTML).resolve()),
         "figures": plain(result.figures),
     }
 
