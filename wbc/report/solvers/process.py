@@ -19,7 +19,7 @@ from wbc.report.solvers.request import encoded
 #: Every BLAS and every OpenMP gets one thread, before it is loaded.
 THREADS = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")}
 #: To import everything on a machine that is busy with something else [s].
-START_LIMIT = 120.0
+START_LIMIT = 600.0
 
 
 class Lost(Exception):
