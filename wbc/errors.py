@@ -18,14 +18,19 @@ import warnings
 from collections.abc import Iterable
 from pathlib import Path
 
-#: The folders of this library in a clone.
+#: The folders of this library.
 _LIBRARY = (Path(__file__).parent, Path(__file__).parent.parent / "tasks")
+
+
+def _is_ours(path: Path) -> bool:
+    """Whether a source file is of this library; a user may have modules of the same names."""
+    return any(path.is_relative_to(folder) for folder in _LIBRARY)
 
 
 def warn(sentence: str, kind: type[Warning] = UserWarning) -> None:
     """Warn at the line of the user's code that called this library, however deep in the library that is noticed."""
     frame, level = sys._getframe(1), 2
-    while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] in {"wbc", "tasks"}:
+    while frame.f_back is not None and _is_ours(Path(frame.f_code.co_filename)):
         frame, level = frame.f_back, level + 1
     warnings.warn(sentence, kind, stacklevel=level)
 
@@ -218,7 +223,7 @@ def _place_of(cause: BaseException) -> str:
     place, at = "", cause.__traceback__
     while at is not None:
         path = Path(at.tb_frame.f_code.co_filename)
-        if "site-packages" not in path.parts and not any(path.is_relative_to(folder) for folder in _LIBRARY):
+        if "site-packages" not in path.parts and not _is_ours(path):
             place = f" ({path.name}, line {at.tb_lineno})"
         at = at.tb_next
     return place
