@@ -13,6 +13,7 @@ from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import measure
 from wbc.sim.mujoco_ import MujocoPlant
 from wbc.sim.scenario import Check, Parameter, Parameters, Scenario, ScenarioResult, Setup, Trial
+from wbc.stack.plan_view import PlanView
 from wbc.types import Vec
 
 from .. import CenterOfMass, ContactSchedule, MinimumJerk, Orientation, Piecewise, Position, Posture
@@ -131,6 +132,29 @@ class QuadrupedTrotInPlace(Scenario):
         return judge.verdict(trial, checks, tracking=tracking, figures=figures)
 
 
+@final
+class Landed(wbc.Component):
+    """Feet that were felt stay where they stand: their targets (3,) [m], by foot, go down no further.
+
+    From the tick after that in which a contact is made, in which the plans before and after ask for the same.
+    """
+
+    def __init__(self, places: Mapping[str, Vec]) -> None:
+        super().__init__()
+        self._places = dict(places)
+
+    def reset(self, state: RobotState) -> None:
+        self._stood, self._stands, self._said = frozenset[str](), frozenset[str](), wbc.Overrides()
+
+    def before(self, state: RobotState, last: object, plan: PlanView) -> wbc.Overrides:
+        now = frozenset(contact.frame for contact in plan.stack.contacts)
+        stood, self._stands = self._stands & now, now
+        if stood != self._stood:
+            self._stood = stood
+            self._said = wbc.Overrides(tasks={f"Position[{foot}]": {"target": self._places[foot]} for foot in stood})
+        return self._said
+
+
 def trotting_stack(robot: PinocchioModel, stance: Stance, plant: MujocoPlant, trot: Sequence[Swing]) -> wbc.Stack:
     """Weight in the middle of the feet, upright, feet up and down; contacts by the plant's force sensors."""
     state: RobotState = robot.state()
@@ -152,6 +176,7 @@ def trotting_stack(robot: PinocchioModel, stance: Stance, plant: MujocoPlant, tr
         subject_to=joint_constraints(robot),
         components=[
             ContactSchedule(timeline(list(places), trot), touching=lambda foot: plant.wrenches()[foot][2] > touch),
+            Landed(places),
             PlanStep(),
         ],
     )

@@ -67,6 +67,8 @@ def test_our_own_quadruped_trots_in_place(sensors: str) -> None:
     result = run("quadruped-trot-in-place", "robot=quadruped", f"sensors={sensors}", duration=2.2)
     assert not failed(result)
     assert result.figures["steps"] == 2 and not result.figures["fell"]
+    for name in (name for name in result.run.columns if name.startswith("error.Position")):
+        assert np.abs(result.run[name]).max() < 2e-3, "no target goes on into the ground"
 
 
 @given(height=st.floats(-1e-3, 1e-3), lifted=st.floats(0.5, 20.0))
