@@ -15,7 +15,7 @@ import wbc.tasks
 from wbc.arguments import UnknownArgument, UnknownMethod, WrongArguments, WrongMethod
 from wbc.errors import InvalidInput, MemberFailed, UnknownArray, UnknownFrame, WbcError
 from wbc.methods import Method
-from wbc.models.feet import Foot
+from wbc.models.feet import Foot, Guessed
 from wbc.robots import Loop
 from wbc.sim.mujoco_ import MujocoPlant, PhysicsSettings
 from wbc.sim.plant import ForwardDynamicsPlant, IntegratorPlant
@@ -176,6 +176,26 @@ def test_what_a_method_raises_is_told_by_its_name_and_line() -> None:
             MemberFailed, match=rf"Mine\.fill raised ValueError: .* \(test_arguments\.py, line {line}\)"
         ):
             use()
+
+
+def test_a_users_own_module_called_tasks_is_a_users() -> None:
+    """Warnings and failures stand at its line."""
+    text = """
+import numpy as np, wbc
+class Mine(wbc.Task):
+    dim, units = 1, "m"
+    def fill(self, state, out):
+        raise ValueError("oh")
+def make(robot):
+    wbc.load(robot, base="floating", feet=["tool"])
+"""
+    own: dict[str, Any] = {"__name__": "tasks"}
+    exec(compile(text, "/home/me/tasks.py", "exec"), own)
+    with pytest.raises(MemberFailed, match=r"\(tasks\.py, line 6\)"):
+        wbc.Controller(ARM, wbc.Stack([own["Mine"]()]), level=LEVEL)
+    with pytest.warns(Guessed) as said:
+        own["make"](ARM.pinocchio)
+    assert [(one.filename, one.lineno) for one in said] == [("/home/me/tasks.py", 8)]
 
 
 def test_rows_that_there_are_not_are_named_with_those_that_there_are() -> None:

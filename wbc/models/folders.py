@@ -13,7 +13,6 @@ from urllib.parse import unquote, urlsplit
 from wbc.errors import ModelError, PathRefused
 from wbc.models.safe_xml import read_xml
 
-
 #: A package is so many folders below the workspace that holds it: workspace/src/repository/package.
 _DEEP = 3
 
