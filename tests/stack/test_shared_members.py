@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import threading
 from typing import Any
 
@@ -120,6 +121,41 @@ def test_what_a_component_overrides_holds_in_its_own_controller_and_tick_alone(
     np.testing.assert_allclose(answer(first, q, v, 3e-3), answer(second, q, v, 3e-3), rtol=1e-9, atol=1e-9)
     shared[1].weight = 0.3
     np.testing.assert_allclose(answer(first, q, v, 4e-3), usual, rtol=1e-9, atol=1e-9)
+
+
+def test_a_component_serves_the_controller_that_was_made_or_started_last() -> None:
+    """Any other is told so, in its status, until it is reset; what it was not asked of leaves no trace in it."""
+
+    class Counts(wbc.Component):
+        seen = 0
+
+        def reset(self, state: Any) -> None:
+            self.seen = 0
+
+        def before(self, state: Any, last: Any, plan: Any) -> None:
+            self.seen += 1
+
+        def after(self, state: Any, command: Any) -> None:
+            self.seen += 10
+
+    counts = Counts()
+    stack = wbc.Stack([Posture(ARM.q0)], components=[counts])
+    first = wbc.Controller(ARM, stack, level=LEVELS[1])
+    answer(first, ARM.q0, np.zeros(7))
+    second = wbc.Controller(ARM, stack, level=LEVELS[1])
+    for loser, winner in ((first, second), (second, first)):
+        winner.reset()
+        answer(winner, ARM.q0, np.zeros(7))
+        assert not loser.tick(1.0, ARM.q0, np.zeros(7)).status.ok
+        assert "Counts serves another controller" in loser.why and counts.seen == 11
+        answer(winner, ARM.q0, np.zeros(7), 1e-3)
+        assert counts.seen == 22
+    alike = copy.copy(first)
+    for k in (2, 3):
+        answer(alike, ARM.q0, np.zeros(7), 1e-3 * k)
+        answer(first, ARM.q0, np.zeros(7), 1e-3 * k)
+    first.replace(wbc.Stack([Posture(ARM.q0, kp=5.0)], components=[counts]))
+    answer(first, ARM.q0, np.zeros(7), 4e-3)
 
 
 def test_threads_that_share_members_are_serial_to_the_bit() -> None:

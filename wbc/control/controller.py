@@ -26,7 +26,7 @@ from wbc.control.measured import Measured
 from wbc.control.recovery import FallbackSequence, Recovery
 from wbc.control.solving import Solving
 from wbc.control.watchdog import Watch, Watchdog
-from wbc.errors import InvalidInput, MemberFailed, NotSupported, WbcError
+from wbc.errors import InvalidInput, MemberFailed, NotSupported, WbcError, naming
 from wbc.models import plausible
 from wbc.models.model import RobotModel
 from wbc.qp.solver import Solver
@@ -238,7 +238,7 @@ class Controller(Solving, metaclass=TellsArguments):
             jerks = intervals.remember(self._accelerated(command), accuracy=accuracy)
             if jerks and command.status.ok:
                 self.why = f"{self.why}; {jerks}" if self.why else jerks
-        for component in self.components:
+        for component in filter(self._has, self.components):
             self._tell(component, command)
         self.last = command
         if watch.timed and (why := watch.took(start)):
@@ -249,6 +249,9 @@ class Controller(Solving, metaclass=TellsArguments):
         """The joint accelerations (nj,) of a command that was decided in the present state."""
         joints: Vec = (command.v - self.state.v)[self.model.nb :] / self.dt
         return joints
+
+    def _has(self, component: Component) -> bool:
+        return component.serves is self.plans.whole.plan
 
     def _tell(self, component: Component, command: Command) -> None:
         """Show a component what was decided. If it raises, what was decided stands, and the status says that it did."""
@@ -299,17 +302,18 @@ class Controller(Solving, metaclass=TellsArguments):
         """
         if not self._started:
             self._start()
+        elif (taken := next((one for one in self.components if not self._has(one)), None)) is not None:
+            raise NotSupported(
+                f"{taken.name} serves another controller, made or started later; make one for each, or use copy.copy"
+            )
         elif self.plans.schedule is not None:
             self._choose_contacts(self.last)
         if self.components:
             said = self._overrides()
-            try:
+            # What was given may raise whatever it likes when it is looked at.
+            with naming(f"overrides of {', '.join(name for name, _ in said)}", WbcError):
                 self.plan.applied.apply(said)
                 self.plan.applied.refuse_no_inertia(self.state)
-            except WbcError:
-                raise
-            except Exception as cause:  # what was given may raise whatever it likes when it is looked at
-                raise MemberFailed(f"overrides of {', '.join(name for name, _ in said)}", cause) from cause
         if self._solved is self.plan:
             self.plan.observe()
         self._solved = None
@@ -319,14 +323,12 @@ class Controller(Solving, metaclass=TellsArguments):
     def _overrides(self) -> list[tuple[str, Overrides]]:
         said = []
         for component in self.components:
-            try:
+            with naming(f"{component.name}.before"):
                 overrides = component.before(self.state, self.last, self.plan)
                 if overrides is not None and type(overrides) is not Overrides:
                     raise InvalidInput(
                         f"it returned {checks.shown(overrides)}; it must return wbc.Overrides(...) or None"
                     )
-            except Exception as cause:
-                raise MemberFailed(f"{component.name}.before", cause) from cause
             if overrides is not None:
                 said.append((component.name, overrides))
         return said
@@ -334,12 +336,8 @@ class Controller(Solving, metaclass=TellsArguments):
     def _choose_contacts(self, last: Command | None) -> None:
         schedule = self.plans.schedule
         assert schedule is not None, "there is one"
-        try:
+        with naming(f"{schedule.name}.contacts"):
             mode = self.plans.choose(schedule.contacts(self.state, last), self.state)
-        except MemberFailed:  # a contact, whose name it says
-            raise
-        except Exception as cause:
-            raise MemberFailed(f"{schedule.name}.contacts", cause) from cause
         if mode is not self.mode:
             self.use(mode)
 
@@ -348,12 +346,11 @@ class Controller(Solving, metaclass=TellsArguments):
             plausible.joints(self.model, "q", self.state.q_joints)
             plausible.upright(self.model, "q", self.state.q)
         for component in self.components:
+            component.serves = self.plans.whole.plan
             if any(component is one for one in self._kept):
                 continue
-            try:
+            with naming(f"{component.name}.reset"):
                 component.reset(self.state)
-            except Exception as cause:
-                raise MemberFailed(f"{component.name}.reset", cause) from cause
         if self.plans.schedule is not None:
             self._choose_contacts(self.last if any(self.plans.schedule is one for one in self._kept) else None)
         self.plan.start(self.state)

@@ -74,6 +74,8 @@ class Solving:
         state = self.model.state(drifts=self._level.order > 1)
         plans = Plans(state, stack, self._level, dt=self._dt, open_solver=self._open, prepared=prepared)
         self.plans, self._stack = plans, stack
+        for component in stack.components:
+            component.serves = plans.whole.plan
         contacts = plans.whole.plan.stack.contacts
         self.split_forces = partial(_split, {c.name: c.dim for c in contacts}, dict(keys(contacts)))
         return state

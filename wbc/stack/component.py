@@ -16,7 +16,8 @@ from wbc.types import Vec
 
 class Component(metaclass=TellsArguments):
     """A member with state between ticks: an observer, an adaptive controller, a schedule. It serves one controller at a
-    time; ``copy.copy(controller)`` copies its components too.
+    time, the last that was made or started with it: the status of any other is not ok until its ``reset()``.
+    ``copy.copy(controller)`` copies its components too.
 
     In each tick ``before`` returns its changes as an :class:`~wbc.stack.overrides.Overrides`, or None. ``after`` gets
     the command; the recorder writes ``signals``. A :class:`Schedule` selects the active contacts. If a component raises
@@ -25,6 +26,8 @@ class Component(metaclass=TellsArguments):
     """
 
     _name: str | None = None
+    #: The plan of all contacts of the controller that it serves.
+    serves: PlanView | None = None
 
     def __init__(self, *, name: str | None = None) -> None:
         self._name = None if name is None else checks.text("name", name)

@@ -13,6 +13,7 @@ from typing import final
 
 import numpy as np
 
+from wbc import checks
 from wbc.errors import InvalidInput, UnknownContact
 from wbc.models.model import RobotState
 from wbc.qp.rows import RowSolver
@@ -84,7 +85,8 @@ class Plans:
         self._modes = {frozenset(contact.name for contact in stack.contacts): self.whole}
         self._waiting: list[frozenset[str]] = []
         self.unplanned = 0
-        for names in () if self.schedule is None else self.schedule.contact_sets():
+        sets = () if self.schedule is None else self.schedule.contact_sets()
+        for names in checks.items("the contact_sets() of the schedule", sets, "sets of contacts"):
             self._compile(self._set(names))
 
     def _set(self, names: Iterable[str]) -> frozenset[str]:
