@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 FIRST_STEP = 0.1
 #: Times that differ by less are the same [s]: a clock that adds up ticks is not exact.
 _SAME = 1e-9
+#: Of so many contacts that open, plans of all sets are made at once.
+_ALL_SETS = 8
 _NO_FORCE = (0.0, 0.0, 0.0)
 
 
@@ -48,7 +50,9 @@ class ContactSchedule(Schedule):
 
     ``touching``: a function of a contact's name that says whether a sensor feels the ground. A contact then closes when
     it touches, at most ``early`` seconds before its time; if it touches later, it closes later. A controller then makes
-    a plan for each set of those that open: 2ᵏ for k contacts, of which eight take about a second.
+    a plan for each set of those that open: 2ᵏ for k contacts, of which eight take about a second. Of more than eight it
+    makes those of the timeline, each also with one contact early or late; others are made between ticks when they are
+    needed, and the contacts stay as they were until then.
 
     Where the clock goes back, or past several changes at once, the set is that of the timeline at that time. A contact
     that closes then starts a ramp; one that stays closed goes on without.
@@ -140,6 +144,8 @@ class ContactSchedule(Schedule):
             return list(dict.fromkeys(self._sets))
         always = frozenset.intersection(*self._sets)  # a foot may be so late that the next ones lift before it lands
         others = sorted(frozenset(self.names) - always)
+        if len(others) > _ALL_SETS:
+            return list(dict.fromkeys([*self._sets, *(one ^ {name} for one in self._sets for name in others)]))
         return [always.union(some) for k in range(len(others) + 1) for some in combinations(others, k)]
 
     def contacts(self, state: RobotState, last: object) -> frozenset[str]:

@@ -119,6 +119,18 @@ def test_feet_that_land_together_may_touch_one_after_the_other_without_surprise(
     assert len(ContactSchedule(timeline).contact_sets()) == 2
 
 
+@pytest.mark.parametrize("count", [8, 9, 16])
+def test_of_many_feet_with_sensors_not_all_sets_are_announced(count: int) -> None:
+    """But those of the timeline, each with one foot early or late too."""
+    feet = [f"foot {k}" for k in range(count)]
+    timeline = [(0.0, feet[::2]), (0.5, feet[1::2])]
+    announced = ContactSchedule(timeline, period=1.0, touching=lambda name: True).contact_sets()
+    assert len(set(announced)) == len(announced) == (256 if count == 8 else 2 + 2 * count)
+    for _, names in timeline:
+        assert frozenset(names) in announced
+        assert all(frozenset(names) ^ {foot} in announced for foot in feet)
+
+
 def controller(*components: wbc.Component) -> wbc.Controller:
     stack = standing(QUADRUPED)
     stack = Stack(stack.levels, subject_to=stack.subject_to, contacts=stack.contacts, components=components)
