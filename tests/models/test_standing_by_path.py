@@ -203,6 +203,35 @@ def test_the_order_of_links_in_a_file_says_nothing(tmp_path: Path, seed: int):
         np.testing.assert_allclose(robot.state().frame(frame).rotation, np.eye(3), atol=1e-9)
 
 
+@pytest.mark.parametrize(("carrier", "count"), [("gripper_base", 0), ("palm", 0), ("ankle", 6), ("spur", 6)])
+def test_fingers_of_any_name_on_a_hand_are_no_feet(carrier: str, count: int, tmp_path: Path):
+    """Two limbs that hang down and part into three: of hands whatever they are called, and of legs with toes."""
+    text = f'<robot name="r"><link name="trunk">{ball(0.1)}</link>'
+    for side, y in (("left", 0.3), ("right", -0.3)):
+        text += joined("trunk", f"{side}_upper", f"0 {y} 0", 0.03) + joined(
+            f"{side}_upper", f"{side}_{carrier}", "0 0 -0.5", 0.03
+        )
+        for k in range(3):
+            text += joined(f"{side}_{carrier}", f"{side}_index_{k}", f"{0.05 * k} 0 -0.1", 0.02)
+    (tmp_path / "r.urdf").write_text(text + "</robot>")
+    assert len(quietly(tmp_path / "r.urdf", base="floating").feet) == count
+
+
+def ball(radius: float) -> str:
+    return (
+        '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+        f'<collision><geometry><sphere radius="{radius}"/></geometry></collision>'
+    )
+
+
+def joined(parent: str, child: str, place: str, radius: float) -> str:
+    return (
+        f'<link name="{child}">{ball(radius)}</link><joint name="to_{child}" type="revolute"><parent link="{parent}"/>'
+        f'<child link="{child}"/><origin xyz="{place}"/><axis xyz="0 1 0"/>'
+        '<limit lower="-1" upper="1" effort="9" velocity="1"/></joint>'
+    )
+
+
 def test_an_arm_that_floats_has_no_feet():
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -50,9 +50,7 @@ class Measured:
     def guess(self) -> None:
         """Feet are the ends of two limbs or more, not wheels, at one height, below the hips and below the trunk."""
         model = self._robot.pinocchio
-        ends = [
-            i for i in range(2, model.njoints) if not len(model.children[i]) and not _HAND.search(" ".join(self._on(i)))
-        ]
+        ends = [i for i in range(2, model.njoints) if not len(model.children[i]) and not self._is_of_a_hand(i)]
         heights = {i: self._height(i) for i in range(1, model.njoints)}
         if not ends:
             return
@@ -70,6 +68,15 @@ class Measured:
             for i in standing:
                 self.feet.append(self._measured(self._on(i), clouds[i], FRICTION))
             self._measured_feet += self.feet
+
+    def _is_of_a_hand(self, end: int) -> bool:
+        """Whether links from the end of a limb back to where limbs part are called as those of hands; so are fingers
+        of any name on a hand."""
+        model, links, joint = self._robot.pinocchio, self._on(end), int(self._robot.pinocchio.parents[end])
+        while joint > 1:
+            links += self._on(joint)
+            joint = int(model.parents[joint]) if len(model.children[joint]) == 1 else 0
+        return bool(_HAND.search(" ".join(links)))
 
     def _rolls(self, joint: int, low: float) -> bool:
         """Whether the end of a limb is a wheel: it turns without end, and turned reaches as far down as before."""
