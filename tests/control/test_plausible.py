@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Callable
 from typing import Any
@@ -11,10 +12,12 @@ import pytest
 
 import wbc
 from tasks import (
+    CenterOfMass,
     Edge,
     JointCoupling,
     JointVelocityLimits,
     MeasuredWrench,
+    Orientation,
     Point,
     Position,
     Posture,
@@ -23,7 +26,7 @@ from tasks import (
     TorqueLimits,
     feet,
 )
-from wbc.models.plausible import ImplausibleUnit, NothingHoldsTheBase
+from wbc.models.plausible import ImplausibleUnit, NothingHoldsTheBase, Sinks
 from wbc.sim.mujoco_ import MujocoPlant
 from wbc.sim.simulate import simulate
 
@@ -178,3 +181,35 @@ def test_warnings_stand_at_the_line_of_the_user(act: Callable[[], Any]):
     with pytest.warns(UserWarning) as said:
         act()
     assert {one.filename for one in said} == {__file__}
+
+
+@pytest.mark.parametrize("mass", [100.0, 2000.0])
+def test_a_robot_that_sinks_on_what_its_forces_cost_is_warned_about(mass: float) -> None:
+    """By g m² force_weight / n, on n contacts, against a task of weight 1; with the weight that is said it stands."""
+    model = wbc.load("quadruped").pinocchio.copy()
+    share = mass / sum(one.mass for one in model.inertias)
+    for one in model.inertias:
+        one.mass, one.inertia = share * one.mass, share * one.inertia
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        robot = wbc.load(model, base="floating", feet=list(wbc.load("quadruped").feet))
+    assert robot.mass == pytest.approx(mass)
+
+    def sinks(**weight: float) -> tuple[float, list[str]]:
+        com = CenterOfMass(target=robot.state().com)
+        stack = wbc.Stack([com, Orientation("trunk", target=np.eye(3))], contacts=feet(robot, **weight))
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics())
+        command = controller.tick(0.0, robot.q0, np.zeros(robot.nv))
+        lifted = sum(force[2] for force in command.f.values())
+        return 9.81 - lifted / mass, [str(one.message) for one in said if one.category is Sinks]
+
+    (falls, said), (stands, _) = sinks(), sinks(force_weight=1e-14)
+    share = 1e-6 * mass**2 / 4
+    assert falls - stands == pytest.approx(9.81 * share / (1.0 + share), rel=0.1)
+    assert bool(said) == (share > 0.05)
+    if said:
+        (weight,) = re.findall(r"force_weight=(\S+)$", said[0])
+        falls, said = sinks(force_weight=float(weight))
+        assert falls - stands < 0.02 * 9.81 and not said

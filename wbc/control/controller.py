@@ -129,7 +129,7 @@ class Controller(Solving, metaclass=TellsArguments):
         if level.dynamics:
             plausible.torques(robot, *plan.torque_bounds)
             if not stack.components:  # they may know of other forces
-                plausible.held(robot, plan.layout.nf)
+                plausible.held(robot, [contact.force_weight for contact in stack.contacts])
         self.measured = Measured(robot)
         self.components = stack.components
         self.reset()

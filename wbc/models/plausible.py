@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import pi
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -25,6 +26,8 @@ _NARROW = 100.0
 _LARGE = 5.0
 #: A robot that reaches less far [m] may be one whose frames lie in its base.
 _SHORT = 0.1
+#: The share of gravity with which a robot may sink.
+_SINKS = 0.05
 
 
 class ImplausibleUnit(UserWarning):
@@ -37,6 +40,10 @@ class ImplausibleInertia(UserWarning):
 
 class NothingHoldsTheBase(UserWarning):
     """A floating base in gravity that no force acts on."""
+
+
+class Sinks(UserWarning):
+    """A robot so heavy that what its contact forces cost pulls it down."""
 
 
 def doubt(sentence: str) -> None:
@@ -98,9 +105,17 @@ def torques(model: RobotModel, lower: Vec, upper: Vec) -> None:
         )
 
 
-def held(model: RobotModel, forces: int) -> None:
-    """A floating base in gravity without any of ``forces`` falls, whatever the joints do: contacts look forgotten."""
-    if model.nb and not forces and model.gravity.any():
+def held(model: RobotModel, weights: Sequence[float]) -> None:
+    """A floating base in gravity without contacts falls, whatever the joints do: they look forgotten. Contacts whose
+    forces cost ½ w |f|², w in ``weights``, pull a robot of mass m down by g m² / Σ 1/w against tasks of weight 1."""
+    share = model.mass**2 / sum(1.0 / w for w in weights) if weights and min(weights) > 0.0 else 0.0
+    if model.nb and share > _SINKS:
+        said = (
+            f"{model.name} has {model.mass:.0f} kg, and force_weight of its contacts lets tasks of weight 1 sink with "
+            f"{share:.2g} g: give the contacts force_weight={min(weights) * 0.01 / share:.2g}"
+        )
+        warn(said, Sinks)
+    if model.nb and not weights and model.gravity.any():
         said = (
             f"{model.name} has a floating base and the stack has no contacts: no force holds the base, so it falls. "
             "Give the stack contacts, such as feet(robot), or load the robot with base='fixed'"

@@ -44,7 +44,8 @@ class Contact(Member):
     """A frame that must not move, and the wrench that holds it.
 
     J a + J̇ v = kp e − kd J v keeps it where it was made; Jᵀ f enters the dynamics, so the rows of J are in the
-    axes of the contact surface (z the normal), where ``cone`` K f <= 0 is constant. The cost is ½ force_weight ‖f‖².
+    axes of the contact surface (z the normal), where ``cone`` K f <= 0 is constant. The cost is ½ force_weight ‖f‖²:
+    on n contacts a robot of mass m sinks against tasks of weight 1 with force_weight g m² / n, 0.5 m/s² at 450 kg.
 
     ``friction`` µ; ``target`` the pose the contact holds (default: where the frame is when the contact is made). The
     friction cone is a pyramid of ``sides`` 4 or 8. ``friction_model`` "inner", the default, is inside the circular
