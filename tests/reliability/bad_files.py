@@ -6,13 +6,14 @@ import io
 import json
 import tempfile
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 import wbc
 from tests.models.test_hostile_files import BOMB, GOOD, HOSTILE
+from tests.reliability.forked import Case
 from wbc.control.recorder import Run
 from wbc.qp import QP
 from wbc.sim.scenario import find
@@ -68,21 +69,20 @@ def run_folder(arrays: bytes, meta: bytes = b"{}") -> Path:
     return path.parent
 
 
-def cases() -> Iterator[tuple[str, Callable[[str], object], tuple[str, ...] | None, bool]]:
-    """Name, call, words of the refusal, whether both are right."""
+def cases() -> Iterator[Case]:
+    """Bad inputs of this kind."""
     for name, (content, sentence) in HOSTILE.items():
         data = content if isinstance(content, bytes) else content.encode()
-        yield f"URDF, {name}", lambda solver, data=data: wbc.load(written("robot.urdf", data)), (sentence,), False
-    yield "URDF, a sound one", lambda solver: wbc.load(written("robot.urdf", GOOD.encode())).name, None, False
-    yield (
+        yield Case(f"URDF, {name}", lambda solver, data=data: wbc.load(written("robot.urdf", data)), (sentence,))
+    yield Case("URDF, a sound one", lambda solver: wbc.load(written("robot.urdf", GOOD.encode())).name)
+    yield Case(
         "URDF, bomb of a billion",
         lambda solver: wbc.load(written("robot.urdf", (BOMB + GOOD).encode())),
         ("document type",),
-        False,
     )
     for place in ("/dev/zero", "/etc", "/proc/self/mem", "/nowhere.urdf"):
-        yield f"URDF, {place}", lambda solver, place=place: wbc.load(Path(place)), ("file",), False
-    yield "URDF, a name with a nul", lambda solver: wbc.load("robot\0.urdf"), ("robot",), False
+        yield Case(f"URDF, {place}", lambda solver, place=place: wbc.load(Path(place)), ("file",))
+    yield Case("URDF, a name with a nul", lambda solver: wbc.load("robot\0.urdf"), ("robot",))
 
     bad: dict[str, bytes] = {
         "nothing": b"", "text": b"hello", "half": archive(**sound())[:200], "no member": archive(),
@@ -100,11 +100,11 @@ def cases() -> Iterator[tuple[str, Callable[[str], object], tuple[str, ...] | No
         "names nested deep": archive(**{**sound(), "rows": npy(np.array("[" * 100_000))}),
     }  # fmt: skip
     for name, data in bad.items():
-        yield f"QP, {name}", lambda solver, data=data: QP.load(written("qp.npz", data)), (), False
-    yield "QP, a folder", lambda solver: QP.load(tempfile.mkdtemp()), (), False
-    yield "QP, a device", lambda solver: QP.load("/dev/zero"), ("file",), False
-    yield "QP, not there", lambda solver: QP.load("/nowhere.npz"), ("/nowhere.npz",), False
-    yield "QP, to nowhere", lambda solver: QP(np.eye(1), [0.0]).save("/nowhere/qp.npz"), ("/nowhere/qp.npz",), False
+        yield Case(f"QP, {name}", lambda solver, data=data: QP.load(written("qp.npz", data)), ())
+    yield Case("QP, a folder", lambda solver: QP.load(tempfile.mkdtemp()), ())
+    yield Case("QP, a device", lambda solver: QP.load("/dev/zero"), ("file",))
+    yield Case("QP, not there", lambda solver: QP.load("/nowhere.npz"), ("/nowhere.npz",))
+    yield Case("QP, to nowhere", lambda solver: QP(np.eye(1), [0.0]).save("/nowhere/qp.npz"), ("/nowhere/qp.npz",))
 
     column, packed = npy(np.zeros(3)), npy(np.zeros((8, 3), np.uint8))
     runs: dict[str, tuple[bytes, bytes]] = {
@@ -122,15 +122,14 @@ def cases() -> Iterator[tuple[str, Callable[[str], object], tuple[str, ...] | No
         "a member that climbs": (archive(**{"../../evil": column, "t": npy(np.zeros(4))}), b"{}"),
     }  # fmt: skip
     for name, (arrays, meta) in runs.items():
-        yield (
+        yield Case(
             f"run, {name}",
             lambda solver, a=arrays, m=meta: Run.load(run_folder(a, m)),
             ("run.npz" if m_is(meta) else "meta.json",) if "other" not in name and "climbs" not in name else (),
-            False,
         )
-    yield "run, not there", lambda solver: Run.load("/nowhere"), ("/nowhere",), False
+    yield Case("run, not there", lambda solver: Run.load("/nowhere"), ("/nowhere",))
     sound_run = json.dumps({"scenario": "x"}).encode()
-    yield "run, a sound one", lambda solver: Run.load(run_folder(archive(t=column), sound_run)).rows, None, False
+    yield Case("run, a sound one", lambda solver: Run.load(run_folder(archive(t=column), sound_run)).rows)
 
     for text, says in (
         ("../../etc/passwd:x", ("etc/passwd",)),
@@ -139,7 +138,7 @@ def cases() -> Iterator[tuple[str, Callable[[str], object], tuple[str, ...] | No
         ("no_such_module_at_all:x", ("no_such_module_at_all",)),
         (":", ("",)),
     ):
-        yield f"scenario {text}", lambda solver, text=text: find(text), says, False
+        yield Case(f"scenario {text}", lambda solver, text=text: find(text), says)
     parameters = (
         ("amplitude", ("amplitude",)),
         ("=3", ()),
@@ -148,7 +147,7 @@ def cases() -> Iterator[tuple[str, Callable[[str], object], tuple[str, ...] | No
         ("no_such=1", ("no_such",)),
     )
     for text, says in parameters:
-        yield f"parameter {text}", lambda solver, text=text: find("humanoid-stand").parse([text]), says, False
+        yield Case(f"parameter {text}", lambda solver, text=text: find("humanoid-stand").parse([text]), says)
 
 
 def m_is(meta: bytes) -> bool:

@@ -10,6 +10,7 @@ import numpy as np
 
 import wbc
 from tests.reliability.faults import excess, limited
+from tests.reliability.forked import Case
 from wbc.errors import NotSupported
 from wbc.qp.solvers import by_name
 from wbc.types import Status
@@ -53,8 +54,8 @@ def raising(t: Any, q: Any, v: Any) -> Callable[[str], object]:
     return lambda solver: controller("arm", "velocity", solver).tick(t, q, v)
 
 
-def cases() -> Iterator[tuple[str, Callable[[str], object], tuple[str, ...] | None, bool]]:
-    """Name, call, words of the refusal, whether both are right."""
+def cases() -> Iterator[Case]:
+    """Bad inputs of this kind."""
     nq = nv = 7
     zero = np.zeros(7)
 
@@ -67,61 +68,35 @@ def cases() -> Iterator[tuple[str, Callable[[str], object], tuple[str, ...] | No
         for value in (np.nan, np.inf, -np.inf, 1e300, 1e20):
             for which in "qv":
                 q, v = (spoilt(7, value), zero) if which == "q" else (zero, spoilt(7, value))
-                yield (
-                    f"{level}: {which}[2] = {value:g}", bounded("arm", level, 1e-3, q, v, invalid=True), None, False
-                )  # fmt: skip
+                yield Case(f"{level}: {which}[2] = {value:g}", bounded("arm", level, 1e-3, q, v, invalid=True))
         for value in (1e6, -1e3):
-            yield (
-                f"{level}: q[2] = {value:g}",
-                bounded("arm", level, 1e-3, spoilt(7, value), zero, invalid=False),
-                None,
-                False,
-            )
-        yield f"{level}: v[2] = 1e4", bounded("arm", level, 1e-3, zero, spoilt(7, 1e4), invalid=False), None, False
-        yield (
-            f"{level}: v a quarter above its limit",
-            bounded("arm", level, 1e-3, zero, np.full(7, 2.5), invalid=False),
-            None,
-            False,
+            yield Case(f"{level}: q[2] = {value:g}", bounded("arm", level, 1e-3, spoilt(7, value), zero, invalid=False))
+        yield Case(f"{level}: v[2] = 1e4", bounded("arm", level, 1e-3, zero, spoilt(7, 1e4), invalid=False))
+        yield Case(
+            f"{level}: v a quarter above its limit", bounded("arm", level, 1e-3, zero, np.full(7, 2.5), invalid=False)
         )
         outside = robot("arm").limits.q_max + 0.1
-        yield (
-            f"{level}: all joints outside",
-            bounded("arm", level, 1e-3, np.minimum(outside, 4.0), zero, invalid=False),
-            None,
-            False,
+        yield Case(
+            f"{level}: all joints outside", bounded("arm", level, 1e-3, np.minimum(outside, 4.0), zero, invalid=False)
         )
-        yield (
-            f"{level}: denormals",
-            bounded("arm", level, 1e-3, np.full(7, 5e-324), np.full(7, -5e-324), invalid=False),
-            None,
-            False,
+        yield Case(
+            f"{level}: denormals", bounded("arm", level, 1e-3, np.full(7, 5e-324), np.full(7, -5e-324), invalid=False)
         )
     for t in (np.nan, np.inf, 1e300):
-        yield f"t = {t:g}", bounded("arm", "torque", t, zero, zero, invalid=True), None, False
-    yield "whole numbers", bounded("arm", "torque", 1, np.zeros(7, int), [0] * 7, invalid=False), None, False
-    yield "time goes back", bounded("arm", "torque", -5.0, zero, zero, invalid=False), None, False
+        yield Case(f"t = {t:g}", bounded("arm", "torque", t, zero, zero, invalid=True))
+    yield Case("whole numbers", bounded("arm", "torque", 1, np.zeros(7, int), [0] * 7, invalid=False))
+    yield Case("time goes back", bounded("arm", "torque", -5.0, zero, zero, invalid=False))
     for name in ("quadruped", "humanoid"):
         model = robot(name)
         still = np.zeros(model.nv)
         for norm in (0.0, 2.0, np.nan, 1e30):
             q = np.array(model.q0)
             q[3:7] = q[3:7] * norm
-            yield (
-                f"{name}: quaternion of norm {norm:g}",
-                bounded(name, "torque", 1e-3, q, still, invalid=True),
-                None,
-                False,
-            )
+            yield Case(f"{name}: quaternion of norm {norm:g}", bounded(name, "torque", 1e-3, q, still, invalid=True))
         far = np.array(model.q0)
         far[2] += 0.3
-        yield f"{name}: feet in the air", bounded(name, "torque", 1e-3, far, still, invalid=False), None, False
-        yield (
-            f"{name}: fast",
-            bounded(name, "torque", 1e-3, model.q0, np.full(model.nv, 3.0), invalid=False),
-            None,
-            False,
-        )
+        yield Case(f"{name}: feet in the air", bounded(name, "torque", 1e-3, far, still, invalid=False))
+        yield Case(f"{name}: fast", bounded(name, "torque", 1e-3, model.q0, np.full(model.nv, 3.0), invalid=False))
     for name, t, q, v, says in (
         ("q one short", 0.0, np.zeros(nq - 1), zero, ("q", "(7,)", "(6,)")),
         ("q one long", 0.0, np.zeros(nq + 1), zero, ("q", "(7,)", "(8,)")),
@@ -136,4 +111,4 @@ def cases() -> Iterator[tuple[str, Callable[[str], object], tuple[str, ...] | No
         ("t a word", "now", zero, zero, ("tick",)),
         ("t a vector", zero, zero, zero, ("tick",)),
     ):
-        yield name, raising(t, q, v), says, False
+        yield Case(name, raising(t, q, v), says)

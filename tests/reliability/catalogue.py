@@ -7,46 +7,28 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterator
 from functools import cache
-from typing import NamedTuple
 
 import wbc
 from tests.reliability import bad_files, bad_members, bad_problems, bad_states
-from tests.reliability.forked import Outcome, forked
-
-Call = Callable[[str], object]
-
-
-class Case(NamedTuple):
-    """``call(solver)``; ``says`` are words of the refusal, None for an answer that has been checked.
-
-    ``either`` cases may be refused, with those words, or answered: it depends on the solver. ``solvers`` says whether
-    the solver matters.
-    """
-
-    name: str
-    call: Call
-    says: tuple[str, ...] | None
-    either: bool = False
-    solvers: bool = False
+from tests.reliability.forked import Case, Outcome, forked
 
 
 @cache
-def cases() -> tuple[Case, ...]:
-    """The whole catalogue."""
-    return tuple(_all())
-
-
-def _all() -> Iterator[Case]:
-    for module, solvers in ((bad_states, True), (bad_problems, True), (bad_members, False), (bad_files, False)):
-        for name, call, says, either in module.cases():
-            yield Case(f"{module.__name__.rpartition('.')[2]}: {name}", call, says, either, solvers)
+def cases(*, solved: bool | None = None) -> tuple[Case, ...]:
+    """The whole catalogue, or what depends on the solver, or what does not."""
+    chosen = {True: (bad_states, bad_problems), False: (bad_members, bad_files)}
+    modules = [module for kind in ((True, False) if solved is None else (solved,)) for module in chosen[kind]]
+    return tuple(
+        case._replace(name=f"{module.__name__.rpartition('.')[2]}: {case.name}")
+        for module in modules
+        for case in module.cases()
+    )
 
 
 def fault(case: Case, outcome: Outcome) -> str:
     """What is wrong with an outcome, or nothing."""
-    if outcome.kind == "answered" and (case.says is None or case.either):
+    if outcome.kind == "answered" and case.says is None:
         return ""
     if outcome.kind == "refused" and case.says is not None:
         missing = [word for word in case.says if word not in outcome.text]
@@ -59,14 +41,12 @@ def main() -> int:
     faults = 0
     for k, solver in enumerate(wbc.solvers()):
         kinds: Counter[str] = Counter()
-        for case in cases():
-            if case.solvers or k == 0:
-                outcome = forked(lambda case=case, solver=solver: case.call(solver))
-                kinds[outcome.kind] += 1
-                wrong = fault(case, outcome)
-                if wrong:
-                    faults += 1
-                    print(f"{solver}: {case.name}: {wrong}", flush=True)
+        for case in cases(solved=None if k == 0 else True):
+            outcome = forked(lambda case=case, solver=solver: case.call(solver))
+            kinds[outcome.kind] += 1
+            if wrong := fault(case, outcome):
+                faults += 1
+                print(f"{solver}: {case.name}: {wrong}", flush=True)
         print(f"{solver}: {sum(kinds.values())} cases, {dict(kinds)}", flush=True)
     print(f"{len(cases())} cases, {faults} faults")
     return faults

@@ -1,4 +1,4 @@
-"""One call in a process of its own: what it said, or how it died."""
+"""A bad input, and a call in a process of its own: what it said, or how it died."""
 
 from __future__ import annotations
 
@@ -14,6 +14,14 @@ from wbc.errors import WbcError
 
 PATIENCE = 10.0  # seconds
 MEMORY = 6 << 30  # bytes of address space
+
+
+class Case(NamedTuple):
+    """``call(solver)``; ``says`` are words of the refusal, None for an answer that has been checked."""
+
+    name: str
+    call: Callable[[str], object]
+    says: tuple[str, ...] | None = None
 
 
 class Outcome(NamedTuple):

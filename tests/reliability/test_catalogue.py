@@ -7,12 +7,12 @@ from collections import Counter
 import pytest
 
 import wbc
-from tests.reliability.catalogue import Case, cases, fault
-from tests.reliability.forked import Outcome, forked
+from tests.reliability.catalogue import cases, fault
+from tests.reliability.forked import Case, Outcome, forked
 from tests.seeds import generator
 
 CASES = cases()
-SOLVED = [case for case in CASES if case.solvers]
+SOLVED = cases(solved=True)
 ONLINE = [name for name in wbc.solvers() if name != "pdas"]
 
 

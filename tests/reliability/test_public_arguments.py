@@ -35,12 +35,15 @@ def careless(size: Any, *, gain: Any = 1.0) -> float:
     """
     if gain is None:
         raise InvalidInput("gain is None")
+    if gain == -1:
+        raise InvalidInput("give another")
     return 1.0 * float(size) * float(gain)
 
 
 def test_the_walk_finds_what_it_looks_for(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(walker, "_is_ours", lambda value: value is careless)
     found = dict(walker.walk(careless))
-    assert found["careless(0: text)"].startswith("ValueError: could not convert")
-    assert found["careless(0: None)"].startswith("TypeError") and found["careless(gain: beyond floats)"]
-    assert "careless(gain: None)" not in found and "careless(0: nan)" not in found
+    assert found["careless.size: text"].startswith("ValueError: could not convert")
+    assert found["careless.size: None"].startswith("TypeError") and found["careless.gain: beyond floats"]
+    assert "careless.gain: None" not in found and found["careless.size: nan"] == "taken"
+    assert found["careless.gain: negative"].startswith("not named in: give")

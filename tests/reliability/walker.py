@@ -2,7 +2,8 @@
 
 The example of a class or function is a sound use of it: its statements are run, and each call in them of something of
 ours is made again for each argument and each value of :func:`nonsense`. What comes out may be an answer or an error of
-the library; nothing else.
+the library; nothing else. Numbers without sense are answered only where ``taken.toml`` says so, and what refuses them
+names the argument or shows the number.
 """
 
 from __future__ import annotations
@@ -11,9 +12,12 @@ import ast
 import doctest
 import inspect
 import io
+import re
+import tomllib
 import warnings
 from collections.abc import Iterator
 from contextlib import redirect_stdout
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,6 +30,19 @@ import wbc.tasks
 import wbc.testing
 from wbc.errors import WbcError
 
+#: How a refusal shows a value of :func:`nonsense`.
+SHOWN = {"nan": "nan", "inf": "inf", "negative": "-1", "zero": "0", "text": "nonsense"}
+#: For each number, the arguments that take it: "callee.argument".
+TAKEN: dict[str, list[str]] = tomllib.loads(Path(__file__).with_name("taken.toml").read_text(encoding="utf-8"))
+#: What refuses these says why they do not fit the others, or where they lead.
+ELSEWHERE = {
+    "Ros2Port",
+    "RobotKinematics.urdf_path",
+    "JointLimits.tau_max",
+    "JointLimits.no_load_speed",
+    "Reading.time",
+}
+
 
 def nonsense() -> dict[str, Any]:
     """Values that are no argument of anything, or of very little."""
@@ -33,7 +50,7 @@ def nonsense() -> dict[str, Any]:
         "nan": np.nan, "inf": np.inf, "text": "nonsense", "complex": 1j, "date": np.datetime64("2026-01-01"),
         "None": None, "another shape": np.zeros((2, 3, 4)), "huge": 1e300, "an object": object(), "negative": -1,
         "a list of text": ["a", "b"], "NaN among numbers": np.array([0.0, np.nan, 0.0]), "beyond floats": 10**400,
-        "a mapping": {"a": 1.0},
+        "a mapping": {"a": 1.0}, "zero": 0,
     }  # fmt: skip
 
 
@@ -41,7 +58,7 @@ def public() -> dict[str, Any]:
     """Classes and functions that a user may call, by the name they are imported by."""
     found: dict[str, Any] = {}
     for package in (wbc, wbc.methods, wbc.models, wbc.robots, wbc.tasks, wbc.testing):
-        for name in dir(package):
+        for name in sorted({*dir(package), *getattr(package, "__all__", ())}):
             value = getattr(package, name)
             if not name.startswith("_") and callable(value) and _is_ours(value):
                 found.setdefault(f"{value.__module__}.{value.__qualname__}", value)
@@ -83,7 +100,10 @@ def _of_call(call: ast.Call, names: dict[str, Any]) -> Iterator[tuple[str, str]]
             return  # methods are called with models and states, by plans
         positional = [_value(argument, names) for argument in call.args]
         named = {word.arg: _value(word.value, names) for word in call.keywords if word.arg}
-    except Exception:  # inside a comprehension or a lambda there are names that are not there yet
+        function(*positional, **named)
+    except (
+        Exception
+    ):  # inside a comprehension or a lambda there are names that are not there yet; an example may show a refusal
         return
     places: list[int | str] = [*range(len(positional)), *named, *_others(function, positional, named)]
     for place in places:
@@ -93,13 +113,32 @@ def _of_call(call: ast.Call, names: dict[str, Any]) -> Iterator[tuple[str, str]]
                 arguments[place] = value
             else:
                 words[place] = value
+            name = f"{function.__qualname__}.{_name(function, place)}"
             try:
                 function(*arguments, **words)
-            except WbcError:
-                continue
+            except WbcError as refused:
+                said = str(refused)
+                if what in SHOWN and not _told(name, SHOWN[what], said):
+                    yield f"{name}: {what}", f"not named in: {said[:100]}"
             except Exception as cause:
-                label = f"{getattr(function, '__qualname__', function)}({place}: {what})"
-                yield label, f"{type(cause).__name__}: {str(cause)[:100]}"
+                yield f"{name}: {what}", f"{type(cause).__name__}: {str(cause)[:100]}"
+            else:
+                if name not in TAKEN.get(what, [name]):
+                    yield f"{name}: {what}", "taken"
+
+
+def _told(name: str, value: str, said: str) -> bool:
+    words = (name.rpartition(".")[2], rf"(?<![\w.]){re.escape(value)}\b")
+    return not ELSEWHERE.isdisjoint((name, name.partition(".")[0])) or any(re.search(word, said) for word in words)
+
+
+def _name(function: Any, place: int | str) -> str:
+    """The name of the argument at a place; "*" where it is one of any number."""
+    if isinstance(place, str):
+        return place
+    parameters = list(inspect.signature(function).parameters.values())
+    one = parameters[place] if place < len(parameters) else parameters[-1]
+    return "*" if one.kind is inspect.Parameter.VAR_POSITIONAL else one.name
 
 
 def _others(function: Any, positional: list[Any], named: dict[str, Any]) -> list[str]:

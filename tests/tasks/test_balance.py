@@ -15,22 +15,18 @@ from tasks import (
     CenterOfPressure,
     CentroidalMomentum,
     LinearMomentum,
-    Point,
     Posture,
-    Sole,
     ZeroMomentPoint,
     feet,
 )
 from tests.stack.conftest import moving, standing
 from tests.tasks.rows_of import linear_rows, moment, rows
-from wbc.errors import InvalidInput, NotSupported
-from wbc.models import PlanarPR
 from wbc.models.model import RobotState
 from wbc.testing import robots
 from wbc.testing.strategies import states
 from wbc.types import Vec
 
-ARM, QUADRUPED, HUMANOID = robots()
+ARM, _, HUMANOID = robots()
 WEIGHT = HUMANOID.mass * 9.81
 
 
@@ -119,25 +115,3 @@ def test_the_capture_point_converges_at_its_rate(state: RobotState):
     acceleration = J @ a + state.com_drift[:2]
     point, rate = state.com[:2] + velocity / omega, velocity + acceleration / omega
     np.testing.assert_allclose(rate, 4.0 * (np.array([0.1, -0.05]) - point), atol=1e-8)
-
-
-def test_what_balance_cannot_be_said_of_is_refused():
-    flat = PlanarPR(m1=1.0, m2=1.0, l2=0.5, d2=0.25, I2=0.1)
-    with pytest.raises(NotSupported, match="gravity along −z"):
-        ZeroMomentPoint(target=[0.0, 0.0]).prepare(flat)
-    with pytest.raises(InvalidInput, match="height is 0; it must be > 0"):
-        CapturePoint(target=[0.0, 0.0], height=0.0)
-    foot = QUADRUPED.frame_names[-1]
-    stack = wbc.Stack([CenterOfPressure(foot), Posture(QUADRUPED.q0)], contacts=[Point(foot, friction=0.5)])
-    with pytest.raises(InvalidInput, match="a contact of 3 numbers has no moments"):
-        wbc.Controller(QUADRUPED, stack, level=wbc.InverseDynamics())
-    with pytest.raises(
-        NotSupported, match=r"is about force, which the velocity level does not decide; use InverseDynamics\(\)"
-    ):
-        wbc.Controller(
-            HUMANOID,
-            wbc.Stack(
-                [CenterOfPressure("left_sole")], contacts=[Sole("left_sole", half_size=(0.1, 0.05), friction=0.5)]
-            ),
-            level=wbc.VelocityLevel(),
-        )

@@ -11,14 +11,12 @@ import pytest
 import wbc
 from tasks import (
     Damping,
-    Frame,
     FrozenJoints,
     JointAdmittance,
     JointVelocity,
     JointVelocityLimits,
     LowAcceleration,
     MidRange,
-    Position,
     Posture,
     ProjectedGradient,
     Sinusoid,
@@ -26,7 +24,7 @@ from tasks import (
     TorqueLimits,
 )
 from tests.tasks.test_contract import MEMBERS
-from wbc.errors import InvalidInput, UnknownJoint, UnknownName
+from wbc.errors import UnknownJoint
 from wbc.stack.member import bound
 from wbc.stack.task import Objective
 
@@ -180,42 +178,6 @@ def test_every_task_takes_weights_by_the_labels_of_its_rows(member: Any):
                 own.__dict__["_role"] = type(own)._role
                 own.weight = {".*": 3.0}
                 assert set(own.weights()) <= {0.0, 3.0} and own.weights().any()
-
-
-@pytest.mark.parametrize(
-    ("make", "error", "says"),
-    [
-        (lambda: Posture(TARGET, joints=["elbw"]), UnknownJoint, "no joint 'elbw'; did you mean 'elbow'"),
-        (lambda: Posture(TARGET, weight={"wheel_.*": 0.0}), UnknownJoint, r"Posture.weight"),
-        (lambda: Posture(TARGET, joints=["elbow"], kp={"wrist_.*": 1.0}), UnknownJoint, "there are: elbow"),
-        (lambda: FrozenJoints(["wheel.*"]), UnknownJoint, "no joint 'wheel"),
-        (lambda: Torque(joints=["wheel.*"]), UnknownJoint, "no joint 'wheel"),
-        (lambda: Posture(TARGET, joints=NAMES[::-1]), InvalidInput, "all joints in another order"),
-        (lambda: Posture([1.0, 2.0], joints=["elbow"]), InvalidInput, r"shape \(1,\) or \(7,\)"),
-        (lambda: Posture(TARGET, joints=["elbow"], weight=[1.0, 2.0]), InvalidInput, r"shape \(1,\) or \(7,\)"),
-        (lambda: JointAdmittance(TARGET, inertia={"elbow": 1.0}, damping=1.0, stiffness=1.0), InvalidInput,
-         "inertia says nothing of '"),
-    ],
-)  # fmt: skip
-def test_names_that_match_nothing_are_refused_when_a_stack_is_compiled(make: Any, error: Any, says: str):
-    with pytest.raises(error, match=says):
-        wbc.Controller(ARM, wbc.Stack([make(), Damping()]), level=LEVELS[2])
-
-
-@pytest.mark.parametrize(
-    ("make", "error", "says"),
-    [
-        (lambda: Posture(TARGET, joints="elbow"), InvalidInput, "it must be names"),
-        (lambda: Posture(TARGET, joints=["el(bow"]), InvalidInput, "no regular expression"),
-        (lambda: Posture(TARGET, weight={"elbow": -1.0}), InvalidInput, r"weight\['elbow'\] is -1"),
-        (lambda: Posture(TARGET, kp={3: 1.0}), InvalidInput, "a key of Posture.kp is 3"),
-        (lambda: Frame("tool", target=np.eye(4), weight={"pitsch": 1.0}), UnknownName, "did you mean 'pitch'"),
-        (lambda: Position("tool", target=np.zeros(3), kp={"roll": 1.0}), UnknownName, "there are: x, y, z"),
-    ],
-)
-def test_what_needs_no_robot_is_refused_at_once(make: Any, error: Any, says: str):
-    with pytest.raises(error, match=says):
-        make()
 
 
 def test_an_assignment_that_matches_nothing_is_refused_and_changes_nothing():

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 import wbc
 from tasks import ContactSchedule, JointCoupling
 from tests.stack.conftest import Saying, standing
-from wbc.errors import InvalidInput, UnknownName
 from wbc.stack.stack import Stack
 
 QUADRUPED = wbc.load("quadruped")
@@ -268,27 +267,3 @@ def test_a_run_that_starts_again_starts_on_its_feet() -> None:
     again = [loop.tick(DT * k, QUADRUPED.q0, rest).tau for k in range(20)]
     np.testing.assert_allclose(again, first, atol=1e-9)
     assert schedule.signals()["contacts"].tolist() == [float(name != FEET[0]) for name in schedule.names]
-
-
-@pytest.mark.parametrize(
-    ("make", "text"),
-    [
-        (lambda: ContactSchedule([]), "timeline is empty"),
-        (lambda: ContactSchedule([(0.0, ["a"]), (0.0, ["b"])]), r"timeline\[1\] is at 0 s, not after 0 s"),
-        (lambda: ContactSchedule([(0.0, "left")]), "has the text 'left'; give a list of names"),
-        (lambda: ContactSchedule([(0.0, ["a"]), (1.0, [])], period=1.0), r"outside its period, \[0, 1\) s"),
-        (lambda: ContactSchedule([(0.0, ["a"])], ramp=0.0), "ramp is 0"),
-        (lambda: ContactSchedule([(0.0, ["a"])], force_rate=0.0), "force_rate is 0"),
-        (lambda: ContactSchedule([(0.0, ["a"])], force_rate=np.nan), "force_rate is nan"),
-        (lambda: ContactSchedule([(0.0, ["a"])], standing_rate=-1.0), "standing_rate is -1"),
-        (lambda: ContactSchedule([(np.nan, ["a"])]), r"timeline\[0\] time is nan"),
-    ],
-)
-def test_a_timeline_that_makes_no_sense_is_refused(make: Any, text: str) -> None:
-    with pytest.raises(InvalidInput, match=text):
-        make()
-
-
-def test_a_name_the_stack_has_not_is_refused_when_the_controller_is_made() -> None:
-    with pytest.raises(UnknownName, match="no contact 'front_left_hoof'"):
-        controller(ContactSchedule([(0.0, ["front_left_hoof"])]))

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 from tasks import Edge, Point, Sole
-from wbc.errors import InvalidInput
 from wbc.models.model import RobotState
 from wbc.stack.contact import Anchor
 from wbc.testing import robots
@@ -171,22 +170,6 @@ def test_an_anchor_keeps_its_own_memory():
     anchor = Anchor(rotation, position)
     position[0] = rotation[0, 0] = 5.0
     assert not anchor.position.any() and anchor.rotation[0, 0] == 1.0
-
-
-@pytest.mark.parametrize(
-    ("make", "said"),
-    [
-        (lambda: sole(0.1), r"half_size must have shape \(2,\)"),
-        (lambda: sole(sides=6), "sides is 6; it must be 4 or 8"),
-        (lambda: sole(origin=[0.0]), r"origin must have shape \(3,\)"),
-        (lambda: sole(target=np.diag([1.0, 1.0, -1.0, 1.0])), r"Sole\[left_sole\].target is not a rotation"),
-        (lambda: Point("foot", friction=0.5, radius=-0.1), "radius is -0.1"),
-        (lambda: Point("foot", friction=0.5, axes=2 * np.eye(3)), "axes is not a rotation"),
-    ],
-)
-def test_a_surface_that_makes_no_sense_is_refused(make: Any, said: str):
-    with pytest.raises(InvalidInput, match=said):
-        make()
 
 
 @pytest.mark.parametrize("kp", [1.0, 100.0, 400.0])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -116,19 +115,3 @@ def test_predicted_thresholds_are_seven_of_the_deviations_that_noise_of_the_velo
         values.append(filtered)
     np.testing.assert_allclose(predicted.value, 7.0 * np.std(values[200:], axis=0), rtol=0.05)
     np.testing.assert_allclose(predicted.noise, missing.std(axis=1), rtol=0.05)
-
-
-@pytest.mark.parametrize(
-    ("settings", "said"),
-    [
-        ({"gain": [100.0, 0.0] + 5 * [1.0]}, r"gain\[1\] is 0"), ({"gain": np.nan}, "gain is nan"),
-        ({"dt": 0.0}, "dt is 0"), ({"floor": -1.0}, r"floor is -1"), ({"floor": [1.0, 2.0]}, "must have shape"),
-        ({"floor": "low"}, "floor must be an array of numbers, not 'low'"),
-    ],
-)  # fmt: skip
-def test_thresholds_are_made_of_numbers_that_make_sense(settings: dict[str, Any], said: str):
-    arguments: dict[str, Any] = {"gain": 100.0, "dt": 1e-3} | settings
-    with pytest.raises(InvalidInput, match=said):
-        Thresholds.learnt(np.zeros((1000, 7)), **arguments)
-    with pytest.raises(InvalidInput, match=said):
-        Thresholds.predicted(wbc.load("arm").state(), velocity=0.01, **arguments)

@@ -14,13 +14,12 @@ import wbc
 from tasks import AxisAlignment, Distance, Gaze, Posture, Yaw
 from tasks.directions import view_axes
 from tests.tasks.rows_of import finite, moment, rows
-from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
 from wbc.testing import check_task, moments, robots
 from wbc.testing.strategies import states, vectors
 
 ROBOTS = robots()
-ARM, QUADRUPED, HUMANOID = ROBOTS
+ARM, _, HUMANOID = ROBOTS
 TOOL = ARM.frame_names[-1]
 each_robot = pytest.mark.parametrize("robot", ROBOTS, ids=lambda robot: robot.name)
 
@@ -142,22 +141,3 @@ def test_distance_is_symmetric_and_no_matter_of_the_base():
     for array in ("e", "J", "drift"):
         np.testing.assert_allclose(getattr(there, array), getattr(back, array), atol=1e-12)
     np.testing.assert_allclose(there.J[:, :6], 0.0, atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("make", "said"),
-    [
-        (lambda: AxisAlignment(TOOL, axis=[0, 0, 0], target=[0, 0, 1]), "axis is .* a direction is not zero"),
-        (lambda: AxisAlignment(TOOL, axis=[0, 0, 1], target=[0, 0, 0]), "target is .* a direction is not zero"),
-        (lambda: AxisAlignment(TOOL, axis=[0, 0, 1], target=[0, 1]), r"target must have shape \(3,\)"),
-        (lambda: Gaze(TOOL, axis=[1, 0, 0], target=[1, 0]), r"target must have shape \(3,\)"),
-        (lambda: Gaze(TOOL, axis=[1, 0, 0], target=[1, 0, 0], nearest=0.0), "nearest is 0; it must be > 0"),
-        (lambda: Distance(TOOL, to=[0, 0], target=0.1), r"to must have shape \(3,\)"),
-        (lambda: Distance(TOOL, to=[0, 0, 0], target=0.0), "target is 0; it must be > 0"),
-        (lambda: Distance(TOOL, to=TOOL, target=0.1).prepare(ARM), "seen from itself never moves"),
-        (lambda: Yaw(TOOL, target=[0.1, 0.2]), r"target must have shape \(1,\)"),
-    ],
-)
-def test_what_makes_no_sense_is_refused_by_name(make: Any, said: str):
-    with pytest.raises(InvalidInput, match=said):
-        make()

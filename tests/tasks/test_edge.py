@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 import wbc
 from tasks import CenterOfMass, Edge, Orientation, Posture, TorqueLimits, feet
-from wbc.errors import InvalidInput
 from wbc.stack.contact import Anchor
 from wbc.testing.strategies import states
 
@@ -64,16 +63,3 @@ def test_a_humanoid_stands_with_one_foot_on_an_edge() -> None:
     true, wanted = run[f"plant.f.{right.name}"][-1], run[f"f.{right.name}"][-1]
     assert true[2] > 0.2 * weight and abs(true[3]) < 1e-3 * weight
     np.testing.assert_allclose(true[list(right.wrench_axes)], wanted, atol=0.02 * weight)
-
-
-@pytest.mark.parametrize(
-    ("make", "said"),
-    [
-        (lambda: toe(half_length=0.0), "half_length is 0"),
-        (lambda: toe(direction=(0, 0, 0)), "direction is .*points nowhere"),
-        (lambda: toe(normal=[np.nan, 0, 1]), r"normal\[0\] is nan"),
-    ],
-)
-def test_an_edge_that_makes_no_sense_is_refused(make: Any, said: str) -> None:
-    with pytest.raises(InvalidInput, match=said):
-        make()

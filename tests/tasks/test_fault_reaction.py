@@ -14,10 +14,8 @@ import wbc
 from tasks import (
     Brake,
     Cap,
-    Carry,
     Compensate,
     Comply,
-    Damping,
     Derate,
     FaultReaction,
     JointPositionLimits,
@@ -33,7 +31,6 @@ from tasks import (
     Weigh,
     When,
 )
-from wbc.errors import InvalidInput, NotSupported, UnknownJoint, UnknownName
 from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.disturbance import SensorNoise
 from wbc.sim.plant import ForwardDynamicsPlant
@@ -341,49 +338,3 @@ def test_a_stack_with_the_task_pulls_from_when_a_released_joint_is_about_to_leav
     leaves = int((np.abs(soon) > ARM.limits.q_max[1]).argmax())
     np.testing.assert_allclose(pulled["tau"][:leaves], free["tau"][:leaves], rtol=0, atol=1e-6)
     assert np.abs(pulled["tau"][leaves + 1] - free["tau"][leaves + 1]).max() > 1.0
-
-
-def test_what_makes_no_sense_is_refused() -> None:
-    observer = MomentumObserver(gain=100.0, threshold=0.3)
-    for make, said in (
-        (lambda: When("broken", [Release()]), "kind is 'broken'; it must be one of total, partial"),
-        (lambda: When("total", [Release]), r"reactions\[0\] is .*; it must be a reaction such as Release\(\)"),
-        (lambda: FaultReaction(3.0), "observer is 3.0; it must be a MomentumObserver"),  # type: ignore[arg-type]
-        (lambda: FaultReaction(observer, table=[Release()]), r"table\[0\] is Release\(\)"),  # type: ignore[list-item]
-        (lambda: FaultReaction(observer, lockout=-1.0), "lockout is -1"),
-    ):
-        with pytest.raises(InvalidInput, match=said):
-            make()
-
-    def first_tick(reaction: FaultReaction, *tasks: Any, components: Any = None) -> None:
-        stack = wbc.Stack(tasks or [Posture(ARM.q0)], subject_to=[TorqueLimits()],
-                          components=components or [observer, reaction])  # fmt: skip
-        wbc.Controller(ARM, stack, level=wbc.InverseDynamics()).tick(0.0, ARM.q0, 0 * ARM.q0)
-
-    reaction = FaultReaction(observer)
-    with pytest.raises(InvalidInput, match="needs its observer in the stack's components, before it"):
-        first_tick(reaction, components=[reaction, observer])
-    for noise, said in (
-        (-1.0, "noise is -1"),
-        ("none", "noise must be .* 'none'"),
-        ([1.0, 2.0], "noise must have"),
-    ):
-        with pytest.raises(InvalidInput, match=said):
-            first_tick(FaultReaction(observer, noise=noise))
-    with pytest.raises(UnknownJoint, match="shoulder"):
-        first_tick(FaultReaction(observer, table=[When("total", [Release()], joints=["sholder_pitch"])]))
-    with pytest.raises(UnknownName, match="a reaction speaks of a task of the stack"):
-        first_tick(FaultReaction(observer, table=[When("total", [Weigh("Postur", 0.0)])]))
-    first_tick(FaultReaction(observer, table=[When("total", [Brake(print)])]))  # no limits on motion are needed
-    with pytest.raises(NotSupported, match="Stop holds the joints by a task on them"):
-        first_tick(FaultReaction(observer, table=[When("total", [Stop()])]), Position("tool", target=[0.4, 0.2, 0.5]),
-                   Damping(name="damping"))  # fmt: skip
-
-
-def test_what_belongs_to_it_is_refused_without_it():
-    observer = MomentumObserver(gain=100.0)
-    stack = wbc.Stack([Posture(ARM.q0), FaultReaction(observer).limits], components=[observer])
-    with pytest.raises(InvalidInput, match="FaultReaction limits needs its FaultReaction in the stack's components"):
-        wbc.Controller(ARM, stack, level=wbc.InverseDynamics())
-    with pytest.raises(InvalidInput, match=r"table\[0\]: Carry needs FaultReaction's own observer"):
-        FaultReaction(observer, table=[When("payload", [Carry(MomentumObserver(gain=1.0))])])

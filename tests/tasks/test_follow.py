@@ -235,20 +235,3 @@ def test_a_copy_is_another_one_that_rests_where_this_one_is() -> None:
         assert other(0.0)[0].isApprox(where) and not other(1.0)[1].any()
         other.push(pinocchio.SE3.Identity())
     assert follow.pushed == 1 and follow(0.5)[1].any()
-
-
-@pytest.mark.parametrize(
-    ("start", "settings", "said"),
-    [
-        ([], {}, "nothing to follow"),
-        (np.zeros((2, 3)), {}, "must have shape"),
-        ([0.0, 0.0], {"velocity": [1.0, 0.0]}, r"velocity\[1\] is 0; a limit is positive"),
-        ([0.0, 0.0], {"jerk": [1.0, 1.0, 1.0]}, "jerk must have shape"),
-        ([0.0], {"angular_jerk": 1.0}, "angular_jerk is given"),
-        (np.eye(3), {"velocity": 1.0}, "velocity is given"),
-        ([0.0], {"lag": 0.0}, "lag is 0"),
-    ],
-)  # fmt: skip
-def test_a_follower_that_makes_no_sense_is_refused(start: Any, settings: dict[str, Any], said: str) -> None:
-    with pytest.raises(InvalidInput, match=said):
-        Follow(start, **settings)

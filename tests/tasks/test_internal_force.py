@@ -11,9 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import wbc
-from tasks import CenterOfMass, InternalForce, LoopClosure, Orientation, Point, Posture, TorqueLimits, feet
+from tasks import CenterOfMass, InternalForce, Orientation, Posture, TorqueLimits, feet
 from tests.stack.conftest import moving
-from wbc.errors import InvalidInput, UnknownContact
 from wbc.stack.task import LinearRows
 from wbc.testing.strategies import states
 from wbc.types import Vec
@@ -119,22 +118,3 @@ def test_a_symmetric_stance_gives_symmetric_forces(seed: int) -> None:
 
 
 # ---- what makes no sense
-@pytest.mark.parametrize(
-    ("make", "said"),
-    [
-        (lambda: InternalForce(POINTS[:1]), "at least two"),
-        (lambda: InternalForce([POINTS[0], POINTS[0]]), "each once"),
-        (lambda: InternalForce([POINTS[0], "rear"]), r"contacts\[1\] is 'rear'"),
-        (lambda: InternalForce([POINTS[0], LoopClosure("trunk", to="rear_left_foot")]), "a contact with the world"),
-        (lambda: InternalForce(POINTS, target=[1.0]), r"target must have shape \(6,\)"),
-    ],
-)
-def test_what_presses_on_nothing_is_refused(make: Any, said: str) -> None:
-    with pytest.raises(InvalidInput, match=said):
-        make()
-
-
-def test_a_contact_the_stack_has_not_is_named() -> None:
-    lost = InternalForce([POINTS[0], Point("trunk", friction=0.5)])
-    with pytest.raises(UnknownContact, match=r"Point\[trunk\]"):
-        tick(QUADRUPED, QUADRUPED.q0, np.zeros(QUADRUPED.nv), lost)

@@ -18,16 +18,14 @@ from tasks import (
     Manipulability,
     ManipulabilityTask,
     Posture,
-    Torque,
 )
 from tests.tasks.rows_of import finite, moment, rows
-from wbc.errors import InvalidInput, UnknownJoint
 from wbc.models.model import RobotState
 from wbc.testing import check_task, moments, robots
 from wbc.testing.strategies import states
 
 ROBOTS = robots()
-ARM, QUADRUPED, HUMANOID = ROBOTS
+ARM, _, HUMANOID = ROBOTS
 TOOL = ARM.frame_names[-1]
 LEVELS = [wbc.VelocityLevel(), wbc.AccelerationLevel(), wbc.InverseDynamics()]
 each_level = pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
@@ -147,29 +145,3 @@ def test_an_arm_bends_to_the_manipulability_it_is_asked_for():
             command = controller.tick(0.01 * tick, q, v)
             q, v = command.q, command.v
         assert abs(rows(task, moment(ARM, q)).e[0]) < 1e-3
-
-
-@pytest.mark.parametrize(
-    ("make", "error", "said"),
-    [
-        (lambda: JointCoupling("a", to={}), InvalidInput, "it must give other joints a ratio"),
-        (lambda: JointCoupling("a", to={"a": 1.0}), InvalidInput, "it must give other joints a ratio"),
-        (lambda: JointCoupling("a", to={"b": 0.0}), InvalidInput, "ratio that is not zero"),
-        (lambda: JointCoupling("elbo", to={ARM.joint_names[0]: 1.0}).prepare(ARM), UnknownJoint, "no joint 'elbo'"),
-        (lambda: FrozenJoints([]), InvalidInput, "it must be names"),
-        (lambda: FrozenJoints("elbow"), InvalidInput, "it must be names"),
-        (lambda: FrozenJoints(["a", "a"]), InvalidInput, "each once"),
-        (lambda: FrozenJoints(["a"], kp=10.0), InvalidInput, "no positions to hold"),
-        (lambda: FrozenJoints({"a": np.nan}), InvalidInput, "'a'"),
-        (lambda: ManipulabilityTask(TOOL, target=0.1, rows=["q"]), InvalidInput, r"rows\[0\] is 'q'"),
-        (lambda: ManipulabilityTask(TOOL, target=-1.0), InvalidInput, r"target is -1; it must be >= 0"),
-        (lambda: ManipulabilityTask(TOOL, target=lambda t: -1.0), InvalidInput, r"target is -1; it must be >= 0"),
-        (lambda: ManipulabilityTask(TOOL, target=0.1, smoothing=0.0), InvalidInput, "smoothing is 0"),
-        (lambda: Torque(joints=[]), InvalidInput, "it must be names"),
-        (lambda: Torque(joints=["a"], weight="inverse_inertia"), InvalidInput, "of all joints"),
-        (lambda: Torque(joints=["no"]).prepare(ARM), UnknownJoint, "no joint 'no'"),
-    ],
-)
-def test_what_makes_no_sense_is_refused_by_name(make: Any, error: Any, said: str):
-    with pytest.raises(error, match=said):
-        make()

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tasks import JointAccelerationLimits, JointLimits, JointPositionLimits, JointVelocityLimits, TorqueLimits
+from tasks import JointAccelerationLimits, JointPositionLimits, JointVelocityLimits, TorqueLimits
 from wbc.errors import InvalidInput
 from wbc.testing import robots
 
@@ -90,24 +90,6 @@ def test_a_limit_that_many_joints_get_wrong_names_three_of_them(wrong: int):
     said = str(refused.value)
     assert [f"joint {joint!r} is" in said for joint in ARM.joint_names] == [k < min(wrong, 3) for k in range(7)]
     assert (f"and of {wrong - 3} more" in said) == (wrong > 3)
-
-
-@pytest.mark.parametrize(
-    ("constraint", "said"),
-    [
-        (JointPositionLimits(lower=np.inf), "has limits"),
-        (JointVelocityLimits({FIRST: [1.0, 2.0]}), rf"v_max\['{FIRST}'\] must have shape"),
-    ],
-)
-def test_given_limits_that_make_no_sense_are_refused(constraint: Any, said: str):
-    with pytest.raises(InvalidInput, match=said):
-        constraint.prepare(ARM)
-
-
-@pytest.mark.parametrize("constraint", [JointPositionLimits, JointLimits])
-def test_position_limits_go_by_name_because_one_number_alone_would_lose_the_other_limit(constraint: Any):
-    with pytest.raises(TypeError):
-        constraint(2.0)
 
 
 def test_equal_position_limits_are_allowed():

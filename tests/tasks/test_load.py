@@ -27,7 +27,6 @@ from tasks import (
 from tasks.components.diagnosis import Diagnosis
 from tasks.components.draft import Draft
 from tasks.components.load import BLOCK, Load, LoadFit, LoadRegressor
-from wbc.errors import UnknownFrame
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.disturbance import Disturbance, Payload, Push, SensorNoise
@@ -241,14 +240,6 @@ def test_noise_hides_the_centre_before_it_hides_the_mass() -> None:
     _, reaction = waving([Payload("tool", mass=3.0, start=0.5)], noise=0.005)
     found = reaction.events[-1][0].load
     assert found is not None and found.mass == pytest.approx(3.0, abs=0.15)
-
-
-def test_a_hand_that_is_none_is_refused() -> None:
-    observer = MomentumObserver(gain=100.0)
-    reaction = FaultReaction(observer, hands=["tol"])
-    stack = wbc.Stack([Posture(ARM.q0)], components=[observer, reaction])
-    with pytest.raises(UnknownFrame, match="tool"):
-        wbc.Controller(ARM, stack, level=wbc.InverseDynamics())
 
 
 @pytest.mark.physics

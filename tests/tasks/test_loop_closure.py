@@ -12,7 +12,6 @@ from tasks import LoopClosure, Posture, Torque, feet
 from tests.stack.conftest import moving, standing
 from tests.tasks.mechanisms import four_bar
 from tests.tasks.rows_of import moment
-from wbc.errors import InvalidInput, UnknownFrame
 from wbc.models.model import RobotModel
 from wbc.stack.component import Schedule
 from wbc.stack.task_rows import TaskRows
@@ -136,19 +135,3 @@ def test_a_schedule_that_lets_feet_go_keeps_loops_closed():
     rows = bar.rows(moment(HUMANOID, HUMANOID.q0, v))
     np.testing.assert_allclose(rows.J @ command.a + rows.drift, -bar.kd * rows.J @ v, atol=1e-6)
     assert not command.f["right_sole"].any() and command.f["bar"].shape == (3,)
-
-
-@pytest.mark.parametrize(
-    ("make", "error", "said"),
-    [
-        (lambda: LoopClosure("a", to="b", rows=["w"]), InvalidInput, r"rows\[0\] is 'w'"),
-        (lambda: LoopClosure("a", to="b", rows=["x", "x"]), InvalidInput, r"rows\[1\] is 'x'"),
-        (lambda: LoopClosure("a", to="b", rows=[]), InvalidInput, "at least one"),
-        (lambda: LoopClosure("head", to="head").prepare(HUMANOID), InvalidInput, "seen from itself"),
-        (lambda: LoopClosure("head", to="heads").prepare(HUMANOID), UnknownFrame, "did you mean 'head'"),
-        (lambda: LoopClosure("a", to="b", rows=["rx"], target=[0, 0, 0]), InvalidInput, "a position; a contact of 1"),
-    ],
-)
-def test_what_closes_nothing_is_refused(make: Any, error: Any, said: str):
-    with pytest.raises(error, match=said):
-        make()

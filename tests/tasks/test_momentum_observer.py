@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 import wbc
 from tasks import MeasuredWrench, MomentumObserver, Posture, Torque
 from tasks.scenarios.exact_plant import ExactPlant
-from wbc.errors import InvalidInput, NotSupported
 from wbc.models import Planar4P, PlanarPR
 from wbc.models.model import RobotModel
 from wbc.sim.actuator_fault import ActuatorFault
@@ -188,21 +187,3 @@ def test_measured_wrenches_that_are_assigned_between_ticks_count_from_the_next_i
         plant.step(command)
     assert min(missing[1:3]) > 1.0
     assert max(missing[3:]) < 1e-2
-
-
-def test_what_makes_no_sense_is_refused():
-    for make, said in (
-        (lambda: MomentumObserver(gain=0.0), "MomentumObserver.gain is 0; it must be > 0"),
-        (lambda: MomentumObserver(gain=[1.0, -2.0]), r"gain\[1\] is -2; it must be > 0"),
-        (lambda: MomentumObserver(gain=np.inf), "gain is inf"),
-        (lambda: MomentumObserver(gain=1.0, threshold=[1.0, np.nan]), r"threshold\[1\] is nan"),
-        (lambda: observed(PR, observer=MomentumObserver(gain=1.0, viscous=[0.0, -1.0])), r"viscous\[1\] is -1"),
-        (lambda: observed(PR, observer=MomentumObserver(gain=1.0, coulomb=np.inf)), "coulomb is inf"),
-        (lambda: observed(PR, observer=MomentumObserver(gain=1.0, coulomb="some")), "coulomb must be .* 'some'"),
-        (lambda: observed(PR, observer=MomentumObserver(gain=[1.0, 2.0, 3.0])), r"gain must have shape \(2,\)"),
-    ):
-        with pytest.raises(InvalidInput, match=said):
-            make()
-    stack = wbc.Stack([Posture(ARM.q0)], components=[MomentumObserver(gain=1.0)])
-    with pytest.raises(NotSupported, match="observes torques, which the velocity level does not decide"):
-        wbc.Controller(ARM, stack, level=wbc.VelocityLevel())

@@ -20,7 +20,7 @@ from tasks import (
     Position,
     ProjectedGradient,
 )
-from wbc.errors import InvalidInput, UnknownFrame
+from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
 from wbc.testing import robots
 from wbc.types import Vec
@@ -165,30 +165,6 @@ def test_the_criterion_rises_while_the_tool_stays(level: Any):
 
 
 # ---- what is refused
-@pytest.mark.parametrize(
-    ("make", "said"),
-    [
-        (lambda: ProjectedGradient("manipulability"), "must be a Criterion, not 'manipulability'"),
-        (lambda: ProjectedGradient(MidRange(), gain=np.nan), r"ProjectedGradient\[mid-range\].gain is nan"),
-        (lambda: Manipulability("tool", rows=["x", "y", "x"]), r"rows\[2\] is 'x'; each is one of x, y, z, rx, ry, rz"),
-        (lambda: Manipulability("tool", rows=["w"]), r"rows\[0\] is 'w'"),
-        (lambda: Manipulability("tool", rows=[]), r"rows is \[\]; it must be names, at least one"),
-        (lambda: Clearance("tool"), "a point or a plane"),
-        (lambda: Clearance("tool", point=[0, 0, 0], plane=([0, 0, 1], 0)), "a point or a plane"),
-        (lambda: Clearance("tool", plane=([0, 0, 0], 0)), "length 0"),
-        (lambda: Clearance("tool", point=[0, 0]), r"Clearance.point must have shape \(3,\)"),
-        (lambda: Clearance("tool", point=[0, 0, 0], reach=0.0), "reach is 0; it must be > 0"),
-    ],
-)  # fmt: skip
-def test_what_makes_no_sense_is_refused(make: Any, said: str):
-    with pytest.raises(InvalidInput, match=said):
-        make()
-
-
-def test_unknown_frames_are_refused_when_compiled():
-    for criterion in (Manipulability("toll"), Clearance("toll", point=[0, 0, 0])):
-        with pytest.raises(UnknownFrame, match="did you mean 'tool'"):
-            wbc.VelocityLevel().compile(ARM, wbc.Stack([ProjectedGradient(criterion)]), dt=1e-3)
 
 
 def test_ranges_that_are_none_are_refused():

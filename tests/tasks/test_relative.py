@@ -11,7 +11,6 @@ from hypothesis import given
 
 from tasks import Frame, Orientation, RelativeFrame, RelativeOrientation, RelativePosition
 from tests.tasks.rows_of import finite, moment, rows
-from wbc.errors import InvalidInput, UnknownFrame
 from wbc.models.model import RobotModel, RobotState
 from wbc.testing import check_task, moments, robots
 from wbc.testing.strategies import states
@@ -84,13 +83,3 @@ def test_half_turns_have_an_error_of_half_a_turn_that_leads_to_the_target(robot:
     absolute = rows(found[0], state)
     reached = pinocchio.exp3(absolute.e) @ state.frame(found[0].frame).rotation
     np.testing.assert_allclose(reached, found[0].target, atol=1e-6)
-
-
-@pytest.mark.parametrize("kind", [RelativeFrame, RelativePosition, RelativeOrientation])
-def test_two_frames_are_needed_and_both_must_exist(kind: Any):
-    target = {RelativeFrame: np.eye(4), RelativePosition: np.zeros(3), RelativeOrientation: np.eye(3)}[kind]
-    with pytest.raises(InvalidInput, match="'head' seen from itself never moves"):
-        kind("head", reference="head", target=target).prepare(HUMANOID)
-    for frame, reference in (("left_hand", "heads"), ("heads", "left_hand")):
-        with pytest.raises(UnknownFrame, match="no frame 'heads'; did you mean 'head'"):
-            kind(frame, reference=reference, target=target).prepare(HUMANOID)

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 import wbc
 from tasks import SlotineLi, TorqueLimits
 from tasks.scenarios.exact_plant import ExactPlant
-from wbc.errors import InvalidInput, NotSupported
 from wbc.models import Planar4P, PlanarPR
 from wbc.models.planar import PlanarRobot
 from wbc.sim.simulate import simulate
@@ -181,45 +180,3 @@ def test_the_gain_may_be_a_matrix_and_a_reset_forgets():
         0.0, np.zeros(4), np.zeros(4)
     )
     assert np.isnan(unknown.signals()["V"])
-
-
-@pytest.mark.parametrize(
-    ("settings", "said"),
-    [
-        ({"kp": 0.0}, r"SlotineLi.kp\[0\] is 0; it must be > 0"),
-        ({"kd": [1.0, 1.0, -1.0, 1.0]}, r"SlotineLi.kd\[2\] is -1"),
-        ({"a_hat": [1.0, 2.0]}, r"SlotineLi.a_hat must have shape \(4,\)"),
-        ({"gain": np.eye(3)}, r"SlotineLi.gain must have shape \(4, 4\)"),
-        ({"gain": -1.0}, "gain"),
-        ({"gain": "much"}, "SlotineLi.gain must be an array of numbers, not 'much'"),
-        ({"target": [0.0, 0.0]}, r"SlotineLi.target must have shape \(4,\)"),
-        ({"physical": True, "a_hat": [0.0, 1.0, 0.0, 0.0]}, "a_hat"),
-    ],
-)
-def test_what_makes_no_sense_is_refused(settings: dict[str, Any], said: str):
-    arguments = {"target": ALL, "kp": 10.0, "kd": 10.0, "gain": 1.0} | settings
-    adaptive = SlotineLi(**arguments)
-    with pytest.raises(InvalidInput, match=said):
-        wbc.InverseDynamics().compile(MODEL, wbc.Stack([adaptive.torque], components=[adaptive]), dt=DT)
-
-
-def test_a_model_without_a_regressor_is_refused():
-    adaptive = SlotineLi(np.zeros(12), kp=10.0, kd=10.0, gain=1.0)
-    flying = wbc.load("quadruped", base="floating")
-    with pytest.raises(NotSupported, match="floating base; the regressor needs a fixed one"):
-        wbc.InverseDynamics().compile(flying, wbc.Stack([adaptive.torque], components=[adaptive]), dt=DT)
-    robot = PlanarPR(m1=1, m2=1, l2=0.5, d2=0.25, I2=0.1)
-    adaptive = SlotineLi([0.0, 0.0], kp=10.0, kd=10.0, gain=1.0, physical=True)
-    with pytest.raises(NotSupported, match="possible coefficients of planar_pr"):
-        wbc.InverseDynamics().compile(robot, wbc.Stack([adaptive.torque], components=[adaptive]), dt=DT)
-
-
-@pytest.mark.parametrize("exactly", [False, True])
-def test_its_task_without_it_is_refused(exactly: bool):
-    """Nothing would set the target: the torque would be zero, and the tick solved."""
-    adaptive, namesake = (SlotineLi(ALL, kp=10.0, kd=10.0, gain=1.0) for _ in range(2))
-    asked = {"tasks": [], "subject_to": [adaptive.torque.exactly()]} if exactly else {"tasks": [adaptive.torque]}
-    for components in ([], [namesake]):
-        stack = wbc.Stack(**asked, components=components)
-        with pytest.raises(InvalidInput, match="SlotineLi torque needs its SlotineLi in the stack's components"):
-            wbc.Controller(MODEL, stack, level=wbc.InverseDynamics())

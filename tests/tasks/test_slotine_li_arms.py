@@ -14,9 +14,7 @@ from tasks import Position, Posture, Sinusoid, SlotineLi, TorqueLimits
 from tasks.components.adaptive_law import InertialLaw
 from tasks.components.prediction import Prediction
 from tests.models.test_inertial_regressor import chain
-from wbc.errors import InvalidInput, NotSupported
 from wbc.methods import PseudoInertia
-from wbc.models import Planar4P
 from wbc.models.inertial_regressor import InertialRegressor
 from wbc.sim.plant import ForwardDynamicsPlant
 from wbc.sim.simulate import simulate
@@ -216,20 +214,3 @@ def test_base_parameters_are_fewer_and_give_the_same_torques() -> None:
     Y = regressor(q, v, v_r, a_r)
     np.testing.assert_allclose(Y[:, regressor.independent] @ adaptive.base_parameters, Y @ adaptive.a_hat, atol=1e-9)
     assert len(adaptive.parameter_names) == 70
-
-
-def test_what_makes_no_sense_is_refused() -> None:
-    def compile(model: Any = ARM, **given_settings: Any) -> None:
-        adaptive = SlotineLi(WAVE, **{"kp": 1.0, "kd": 1.0, "gain": 1.0} | given_settings)
-        wbc.InverseDynamics().compile(model, wbc.Stack([adaptive.torque], components=[adaptive]), dt=1e-3)
-
-    for given_settings, said in (
-        ({"gain": 0.0}, "gain is 0"), ({"leakage": -1.0}, "leakage is -1"), ({"length": 0.0}, "length is 0"),
-        ({"a_hat": -1.0}, "no body is like the link"),
-        ({"links": []}, r"links is \[\]; it must be names"), ({"truth": [1.0]}, r"truth must have shape \(70,\)"),
-    ):  # fmt: skip
-        with pytest.raises(InvalidInput, match=said):
-            compile(**given_settings)
-    for given_settings in ({"composite": 1.0}, {"window": 1.0}, {"estimate_floor": 1.0}, {"links": ["q1"]}):
-        with pytest.raises(NotSupported, match="robots from URDFs"):
-            compile(Planar4P(), **given_settings)

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from tasks import JointLimits, JointVelocity, Posture, TorqueLimits, TorqueSpeedLimits
 from tests.stack.conftest import Saying
 from wbc import Controller, InverseDynamics, Overrides, Stack
-from wbc.errors import InvalidInput
 from wbc.testing import robots
 from wbc.types import Vec
 
@@ -74,17 +73,3 @@ def test_what_a_component_takes_away_stays_away():
     command = controller.tick(0.0, ARM.q0 + 0.1, np.zeros(ARM.nv))
     assert np.abs(command.tau).max() <= 1.0 + 1e-8
     assert np.abs(controller.plan.torque_range[1]).max() <= 1.0
-
-
-@pytest.mark.parametrize(
-    ("constraint", "said"),
-    [
-        (TorqueSpeedLimits(0.0), f"no_load_speed of joint '{FIRST}' is 0"),
-        (TorqueSpeedLimits(1.0, corner_speed=2.0), f"joint '{FIRST}' has the corner speed 2; it must be .* below"),
-        (TorqueSpeedLimits(1.0, corner_speed=-1.0), "has the corner speed -1"),
-        (TorqueSpeedLimits(1.0, np.inf), f"joint '{FIRST}' has a no-load speed and no tau_max"),
-    ],
-)
-def test_curves_that_make_no_sense_are_refused(constraint: TorqueSpeedLimits, said: str):
-    with pytest.raises(InvalidInput, match=said):
-        constraint.prepare(ARM)

@@ -10,7 +10,6 @@ from hypothesis import given
 
 import wbc
 from tasks import CenterOfMass, Damping, GravityCompensation, JointImpedance, Orientation, Posture, Sinusoid, feet
-from wbc.errors import InvalidInput, UnknownJoint
 from wbc.models.model import RobotState
 from wbc.sim.plant import ForwardDynamicsPlant
 from wbc.testing.strategies import states
@@ -93,31 +92,3 @@ def test_stiffness_may_be_assigned_between_ticks_by_name_too():
     after = ticking.tick(0.0, ARM.q0, np.zeros(7)).tau
     stiffness = np.where(np.array(ARM.joint_names) == "elbow", 5.0, 50.0)
     np.testing.assert_allclose(after - before, 0.1 * (stiffness - K), atol=1e-4)
-
-
-@pytest.mark.parametrize(
-    ("make", "error", "says"),
-    [
-        (lambda: GravityCompensation(joints=["elbw"]), UnknownJoint, "did you mean 'elbow'"),
-        (
-            lambda: JointImpedance(ARM.q0, stiffness={"elbow": 1.0}, damping=1.0),
-            InvalidInput,
-            "stiffness says nothing of",
-        ),
-        (lambda: JointImpedance(ARM.q0, stiffness=1.0, damping=[1.0]), InvalidInput, r"damping must have shape \(7,\)"),
-        (
-            lambda: JointImpedance([0.0, 1.0], stiffness=1.0, damping=1.0),
-            InvalidInput,
-            r"target must have shape \(7,\)",
-        ),
-        (lambda: JointImpedance(ARM.q0, stiffness=-1.0, damping=1.0), InvalidInput, "stiffness is -1; it must be >= 0"),
-        (
-            lambda: JointImpedance(ARM.q0, stiffness=1.0, damping=1.0, coriolis=1),  # type: ignore[arg-type]
-            InvalidInput,
-            "coriolis is 1; it must be True or False",
-        ),
-    ],
-)
-def test_what_makes_no_sense_is_refused(make: Any, error: Any, says: str):
-    with pytest.raises(error, match=says):
-        controller(make())

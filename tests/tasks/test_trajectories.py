@@ -11,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tasks import MinimumJerk, Piecewise, PoseInterpolation, Samples, Sinusoid
-from wbc.errors import InvalidInput
 from wbc.types import Vec
 
 NUMBERS = st.floats(-2.0, 2.0)
@@ -140,30 +139,3 @@ def test_a_sinusoid_starts_at_its_center_and_at_rest() -> None:
 def test_a_ramp_of_zero_starts_in_full_motion() -> None:
     value, _, _ = Sinusoid([0.0], amplitude=1.0, frequency=1.0, phase=np.pi / 2, ramp=0.0)(0.0)
     assert value[0] == 1.0
-
-
-@pytest.mark.parametrize(
-    ("make", "said"),
-    [
-        (lambda: Sinusoid([0.0, 0.0], amplitude=[np.nan, 1.0], frequency=1.0), "amplitude"),
-        (lambda: Sinusoid([0.0], amplitude=1.0, frequency=1.0, ramp=-1.0), "ramp"),
-        (lambda: Sinusoid([0.0] * 3, amplitude=[0.1] * 2, frequency=1.0), r"^Sinusoid.amplitude must have shape"),
-        (lambda: MinimumJerk([0.0], [1.0, 2.0], duration=1.0), r"end must have shape \(1,\)"),
-        (lambda: MinimumJerk([0.0], [1.0], duration=0.0), "duration is 0"),
-        (lambda: MinimumJerk([0.0], [1.0], duration=1.0, end_rate=[np.inf]), r"end_rate\[0\] is inf"),
-        (lambda: PoseInterpolation(np.eye(3), np.eye(4), duration=1.0), "start must"),
-        (lambda: PoseInterpolation(np.eye(4), 2 * np.eye(4), duration=1.0), "end"),
-        (lambda: Piecewise([]), "at least one"),
-        (lambda: Samples([], period=0.1), "at least one sample"),
-        (lambda: Samples([[1.0], [np.nan]], period=0.1), r"values\[\(1, 0\)\] is nan"),
-        (lambda: Samples([np.eye(4), 2.0 * np.eye(4)], period=0.1), r"values\[1\]"),
-        (lambda: Samples([[1.0, 2.0], [1.0]], period=0.1), "values"),
-        (lambda: Samples([[1.0]], period=0.0), "period is 0"),
-        (lambda: Samples([[1.0]], period=0.1, rates=[[1.0]]), "rates and accelerations come together"),
-        (lambda: Samples([[1.0]], period=0.1, rates=[[1.0]], accelerations=[[1.0, 2.0]]), "accelerations"),
-        (lambda: Piecewise([(1.0, None), (1.0, None)]), r"pieces\[1\] starts at 1 s, not after"),
-    ],
-)  # fmt: skip
-def test_what_makes_no_sense_is_refused_by_name(make: Any, said: str) -> None:
-    with pytest.raises(InvalidInput, match=said):
-        make()

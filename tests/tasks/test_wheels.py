@@ -13,7 +13,6 @@ import wbc
 from tasks import JointVelocity, OmniWheel, Orientation, Position, Posture, Rolling
 from tests.tasks.mechanisms import cart, omni_cart
 from tests.tasks.rows_of import finite, moment, rows
-from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
 from wbc.testing import check_task, moments, robots
 
@@ -101,16 +100,3 @@ def test_a_wheel_that_leans_still_rolls_and_one_that_lies_is_finite(robot: Robot
     assert finite(rows(Rolling(frame, radius=0.1, axle=up, ground=0.0), state))
     beside = up + 0.3 * np.cross(up, [1.0, 0.0, 0.0])
     check_task(Rolling(frame, radius=0.1, axle=beside, ground=0.0), robot, [first, first])
-
-
-@pytest.mark.parametrize(
-    ("make", "said"),
-    [
-        (lambda: Rolling("w", radius=0.0), "radius is 0; it must be > 0"),
-        (lambda: Rolling("w", radius=0.1, axle=[0, 0, 0]), "a direction is not zero"),
-        (lambda: OmniWheel("w", radius=0.1, roller=1.6), "roller is 1.6; it must be between"),
-    ],
-)
-def test_what_cannot_roll_is_refused(make: Any, said: str):
-    with pytest.raises(InvalidInput, match=said):
-        make()
