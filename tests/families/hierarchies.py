@@ -10,10 +10,7 @@ levels above came to in the answer held; all comparisons are plain numpy.
 
 from __future__ import annotations
 
-import argparse
-import sys
 import zlib
-from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
@@ -23,7 +20,7 @@ from scipy.optimize import linprog
 from scipy.sparse import csc_matrix
 
 import wbc
-from tests.families.progress import told
+from tests.families.progress import command_of_problems
 from wbc.qp import Solution
 
 inf = np.inf
@@ -232,30 +229,5 @@ def cases(count: int, seed: int, solvers: list[str], *, first: int = 0) -> Itera
 HEAD = ("solved", "inaccurate", "failed", "wrong")
 
 
-def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=600)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--first", type=int, default=0, help="hierarchy to begin with")
-    parser.add_argument("--solver", nargs="+", default=["pdas"])
-    parser.add_argument("--show", type=int, default=5, help="wrong answers to name, for each solver")
-    asked = parser.parse_args(arguments)
-    tables = {s: {f.__name__: Counter[str]() for f in FAMILIES} for s in asked.solver}
-    named = Counter[str]()
-    rows = [row for table in tables.values() for row in table.values()]
-    for case in told(cases(asked.count, asked.seed, asked.solver, first=asked.first), rows):
-        row, column = tables[case.solver][case.family], case.status.lower()
-        row[column if column in HEAD else "failed"] += 1
-        row["wrong"] += bool(case.wrong)
-        if case.wrong and named[case.solver] < asked.show:
-            named[case.solver] += 1
-            print(f"  {case.solver} {case.family} {case.index}: {case.status} {case.wrong}", flush=True)
-    for solver, table in tables.items():
-        print(f"\n{solver}, seed {asked.seed}\n{'':12}" + "".join(f"{name:>12}" for name in HEAD))
-        for family, row in table.items():
-            print(f"{family:12}" + "".join(f"{row[name]:12d}" for name in HEAD))
-    return int(any(row["wrong"] for table in tables.values() for row in table.values()))
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    command_of_problems(cases, HEAD, __doc__, count=600)

@@ -8,7 +8,6 @@ Humanoids and quadrupeds on points, lines and soles, in mild and wild states, fr
 
 from __future__ import annotations
 
-from collections import Counter
 from functools import cache
 from typing import Any
 
@@ -27,8 +26,8 @@ from tasks import (
     Sole,
     TorqueLimits,
 )
-from tests.families.oracle import judge, undamped
-from tests.families.progress import command, told
+from tests.families.oracle import undamped
+from tests.families.progress import Family, Ticks, followed
 from wbc.qp.solvers import usable
 
 #: The first stands for the compiled tick. One that is not installed is replaced by the default.
@@ -108,22 +107,12 @@ def draw(seed: int) -> tuple[wbc.Controller, np.ndarray, np.ndarray, str]:
     return control, q, v, f"{kind} {solver}"
 
 
-def run(count: int, seed: int, *, ticks: int = 2, verbose: bool = False, first: int = 0) -> dict[str, Counter[str]]:
-    """Verdicts by hierarchy and solver, of cases ``first`` to ``first + count`` of this seed."""
-    table: dict[str, Counter[str]] = {}
-    for k in told(range(first, first + count), table.values(), loud=verbose):
-        control, q, v, kind = draw(seed * 1_000_003 + k)
-        for tick in range(ticks):
-            command = control.tick(1e-3 * tick, q, v)
-            word, why = judge(control, command)
-            table.setdefault(kind, Counter())[word] += 1
-            if verbose and word in ("wrong", "uncertified"):
-                print(f"{seed * 1_000_003 + k} tick {tick} {kind}: {word}: {why}", flush=True)
-            q, v = command.q, command.v
-            if not np.isfinite(q).all() or np.abs(v).max() > 1e3:
-                break
-    return table
+def ticked(case: int, ticks: int) -> Ticks:
+    """The controller, each of its commands, and what it is."""
+    yield from followed(*draw(case), ticks)
 
+
+FAMILY = Family(ticked)
 
 if __name__ == "__main__":
-    command(run, __doc__, ticks=2)
+    FAMILY.command(__doc__, ticks=2)

@@ -8,8 +8,6 @@ are switched off and on, weights and gains change, and stacks are replaced.
 from __future__ import annotations
 
 import contextlib
-from collections import Counter
-from collections.abc import Iterator
 from functools import cache
 from typing import Any
 
@@ -17,8 +15,8 @@ import numpy as np
 
 import tasks
 import wbc
-from tests.families.oracle import judge, undamped
-from tests.families.progress import command, told
+from tests.families.oracle import undamped
+from tests.families.progress import Family, Ticks
 from wbc.errors import WbcError
 from wbc.qp.solvers import usable
 from wbc.stack.constraint import Constraint
@@ -110,7 +108,7 @@ def change(control: wbc.Controller, rng: np.random.Generator, robot: int) -> Non
             control.replace(stack(robot, rng))
 
 
-def ticked(case: int, ticks: int) -> Iterator[tuple[wbc.Controller, wbc.Command, str]]:
+def ticked(case: int, ticks: int) -> Ticks:
     """The controller, each of its commands, and what it is."""
     control, kind, rng, robot = draw(case)
     model = robots()[robot]
@@ -131,17 +129,7 @@ def played(case: int, tick: int) -> tuple[wbc.Controller, wbc.Command]:
     return control, decided
 
 
-def run(count: int, seed: int, *, ticks: int = 20, verbose: bool = False, first: int = 0) -> dict[str, Counter[str]]:
-    """Verdicts by level and hierarchy, of cases ``first`` to ``first + count`` of this seed."""
-    table: dict[str, Counter[str]] = {}
-    for k in told(range(first, first + count), table.values(), loud=verbose):
-        for tick, (control, decided, kind) in enumerate(ticked(seed * 1_000_003 + k, ticks)):
-            word, why = judge(control, decided, optimum=tick % 5 == 0)
-            table.setdefault(kind, Counter())[word] += 1
-            if verbose and (word in ("wrong", "uncertified") or "feasible" in word):
-                print(f"{seed * 1_000_003 + k} tick {tick} {kind}: {word}: {why}", flush=True)
-    return table
-
+FAMILY = Family(ticked, every=5)
 
 if __name__ == "__main__":
-    command(run, __doc__, ticks=20)
+    FAMILY.command(__doc__, ticks=20)

@@ -12,8 +12,7 @@ from __future__ import annotations
 import contextlib
 import tempfile
 import warnings
-from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,7 @@ import numpy as np
 
 import wbc
 from tests.families.oracle import FEASIBLE, Verdict, judge, undamped
-from tests.families.progress import command, told
+from tests.families.progress import Family, Ticks
 from wbc.errors import WbcError
 from wbc.qp.solvers import usable
 from wbc.tasks import (
@@ -185,14 +184,14 @@ def kept(control: wbc.Controller, decided: wbc.Command) -> Verdict:
     return Verdict("right")
 
 
-def ticked(case: int, folder: Path, ticks: int) -> Iterator[tuple[wbc.Controller, wbc.Command, str]]:
+def ticked(case: int, ticks: int) -> Ticks:
     """The controller, each of its commands, and what it is; nothing where the combination is refused."""
     rng = np.random.default_rng([case, 11])
     kind = str(rng.choice(KINDS))
     unit = 1e-2 if kind == "small" else 1.0
-    path = folder / "odd.urdf"
-    path.write_text(tree(rng, kind, unit))
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "odd.urdf"
+        path.write_text(tree(rng, kind, unit))
         warnings.simplefilter("ignore")
         robot: Any = wbc.load(str(path), base=kind if kind in ("floating", "planar") else "fixed")
         level, hierarchy = LEVELS[rng.integers(3)], HIERARCHIES[rng.integers(3)]
@@ -224,19 +223,7 @@ def judged(control: wbc.Controller, decided: wbc.Command, *, optimum: bool = Tru
     return limits if limits.word == "wrong" else verdict
 
 
-def run(count: int, seed: int, *, ticks: int = 40, verbose: bool = False, first: int = 0) -> dict[str, Counter[str]]:
-    """Verdicts by robot, level and hierarchy, of cases ``first`` to ``first + count`` of this seed."""
-    table: dict[str, Counter[str]] = {}
-    with tempfile.TemporaryDirectory() as folder:
-        for k in told(range(first, first + count), table.values(), loud=verbose):
-            case = seed * 1_000_003 + k
-            for tick, (control, decided, kind) in enumerate(ticked(case, Path(folder), ticks)):
-                word, why = judged(control, decided, optimum=tick % 5 == 0)
-                table.setdefault(kind, Counter())[word] += 1
-                if verbose and word in ("wrong", "uncertified"):
-                    print(f"{case} tick {tick} {kind}: {word}: {why}", flush=True)
-    return table
-
+FAMILY = Family(ticked, every=5, judge=judged)
 
 if __name__ == "__main__":
-    command(run, __doc__, ticks=40)
+    FAMILY.command(__doc__, ticks=40)

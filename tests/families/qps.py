@@ -10,10 +10,7 @@ computed here, in plain numpy.
 
 from __future__ import annotations
 
-import argparse
-import sys
 import zlib
-from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
@@ -23,7 +20,7 @@ from scipy.optimize import linprog, lsq_linear
 from scipy.sparse import csc_matrix
 
 import wbc
-from tests.families.progress import told
+from tests.families.progress import command_of_problems
 from wbc.qp import QP, Solution
 from wbc.qp.solvers import by_name
 
@@ -409,37 +406,5 @@ def cases(
 HEAD = ("solved", "infeasible", "unbounded", "thin", "failed", "wrong")
 
 
-def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=2000)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--first", type=int, default=0, help="problem to begin with")
-    parser.add_argument("--solver", nargs="+", default=["pdas"])
-    parser.add_argument("--family", nargs="+", default=[f.__name__ for f in FAMILIES])
-    parser.add_argument("--show", type=int, default=5, help="cases to name, of each kind")
-    asked = parser.parse_args(arguments)
-    chosen = tuple(f for f in FAMILIES if f.__name__ in asked.family)
-    tables: dict[str, dict[str, Counter[str]]] = {s: {f.__name__: Counter() for f in chosen} for s in asked.solver}
-    named: Counter[str] = Counter()
-    rows = [row for table in tables.values() for row in table.values()]
-    for case in told(cases(asked.count, asked.seed, asked.solver, chosen, first=asked.first), rows):
-        row = tables[case.solver][case.family]
-        column = case.status.lower() if case.status.lower() in HEAD else "failed"
-        row[column] += 1
-        row["wrong"] += bool(case.wrong)
-        kind = "wrong" if case.wrong else column
-        if (case.wrong or column == "failed") and named[case.solver + kind] < asked.show:
-            named[case.solver + kind] += 1
-            print(f"  {case.solver} {case.family} {case.index}: {case.status} {case.wrong}", flush=True)
-    for solver, table in tables.items():
-        print(f"\n{solver}, seed {asked.seed}\n{'':18}" + "".join(f"{name:>11}" for name in HEAD))
-        total: Counter[str] = Counter()
-        for family, row in table.items():
-            total.update(row)
-            print(f"{family:18}" + "".join(f"{row[name]:11d}" for name in HEAD))
-        print(f"{'total':18}" + "".join(f"{total[name]:11d}" for name in HEAD), flush=True)
-    return int(any(row["wrong"] for table in tables.values() for row in table.values()))
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    command_of_problems(cases, HEAD, __doc__, count=2000)

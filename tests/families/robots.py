@@ -8,7 +8,6 @@ by the oracle. ``--first K`` goes on from case K of this seed; what was found so
 from __future__ import annotations
 
 import tempfile
-from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +23,8 @@ from tasks import (
     Posture,
     TorqueLimits,
 )
-from tests.families.oracle import judge, undamped
-from tests.families.progress import command, told
+from tests.families.oracle import undamped
+from tests.families.progress import Family, Ticks, followed
 
 LEVELS = (wbc.VelocityLevel(), wbc.AccelerationLevel(), wbc.InverseDynamics())
 SOLVERS = ("pdas", "pdas", "daqp", "clarabel", "proxqp")
@@ -85,21 +84,13 @@ def draw(seed: int, folder: Path, light: float = 0.1) -> tuple[wbc.Controller, n
     return control, q, np.zeros(robot.nv), f"{level.name}, {type(hierarchy).__name__}, {SOLVERS[index]}"
 
 
-def run(count: int, seed: int, *, ticks: int, verbose: bool = False, first: int = 0) -> dict[str, Counter[str]]:
-    """Verdicts by level, hierarchy and solver, of cases ``first`` to ``first + count`` of this seed."""
-    table: dict[str, Counter[str]] = {}
+def ticked(case: int, ticks: int) -> Ticks:
+    """The controller, each of its commands, and what it is."""
     with tempfile.TemporaryDirectory() as folder:
-        for k in told(range(first, first + count), table.values(), loud=verbose):
-            control, q, v, kind = draw(seed * 1_000_003 + k, Path(folder))
-            for tick in range(ticks):
-                command = control.tick(1e-3 * tick, q, v)
-                word, why = judge(control, command, optimum=tick % 10 == 0)
-                table.setdefault(kind, Counter())[word] += 1
-                if verbose and word in ("wrong", "uncertified"):
-                    print(f"{seed * 1_000_003 + k} tick {tick} {kind}: {word}: {why}", flush=True)
-                q, v = command.q, command.v
-    return table
+        yield from followed(*draw(case, Path(folder)), ticks)
 
+
+FAMILY = Family(ticked, every=10)
 
 if __name__ == "__main__":
-    command(run, __doc__, ticks=100)
+    FAMILY.command(__doc__, ticks=100)

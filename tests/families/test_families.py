@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -17,8 +18,11 @@ pytestmark = [
 ]
 
 
-def test_no_answer_on_legs_that_is_called_solved_is_wrong() -> None:
-    table = legs.run(12, SEED, ticks=1, verbose=True)
+@pytest.mark.parametrize(
+    ("drawn", "count", "ticks"), [(legs, 12, 1), (robots, 6, 4), (members, 30, 6), (odd_robots, 12, 8), (twins, 20, 2)]
+)
+def test_no_answer_that_is_called_solved_is_wrong(drawn: ModuleType, count: int, ticks: int) -> None:
+    table = drawn.FAMILY.run(count, SEED, ticks=ticks, verbose=True)
     assert not sum(row["wrong"] + row["uncertified"] for row in table.values()), table
     assert sum(row["right"] for row in table.values()) >= 1
 
@@ -39,24 +43,6 @@ def test_limits_that_differ_by_rounding_hold_one_direction_not_two() -> None:
         q, v = command.q, command.v
 
 
-def test_no_answer_on_random_trees_of_joints_that_is_called_solved_is_wrong() -> None:
-    table = robots.run(6, SEED, ticks=4, verbose=True)
-    assert not sum(row["wrong"] + row["uncertified"] for row in table.values()), table
-    assert sum(row["right"] for row in table.values()) >= 1
-
-
-def test_no_answer_to_a_stack_of_any_members_that_is_called_solved_is_wrong() -> None:
-    table = members.run(30, SEED, ticks=6, verbose=True)
-    assert not sum(row["wrong"] + row["uncertified"] for row in table.values()), table
-    assert sum(row["right"] for row in table.values()) >= 1
-
-
-def test_no_answer_of_an_odd_robot_in_a_loop_is_wrong_or_beyond_its_limits() -> None:
-    table = odd_robots.run(12, SEED, ticks=8, verbose=True)
-    assert not sum(row["wrong"] + row["uncertified"] for row in table.values()), table
-    assert sum(row["right"] for row in table.values()) >= 1
-
-
 @pytest.mark.parametrize(
     ("case", "tick"),
     [
@@ -70,13 +56,6 @@ def test_what_is_rounding_decides_nothing(case: int, tick: int) -> None:
     """Called infeasible, solved 17,000 rad/s² from the optimum, or left to the weighted fallback."""
     control, decided = members.played(case, tick)
     assert decided.status.ok and judge(control, decided).word == "right"
-
-
-def test_no_answer_to_tasks_that_ask_for_almost_the_same_that_is_called_solved_is_wrong() -> None:
-    """What rounding left of their rows in the space below held joints, 35 rad/s² from the optimum of a posture."""
-    table = twins.run(20, SEED, ticks=2, verbose=True)
-    assert not sum(row["wrong"] + row["uncertified"] for row in table.values()), table
-    assert sum(row["right"] for row in table.values()) >= 1
 
 
 def test_tasks_that_ask_for_almost_the_same_are_scaled_and_optimised() -> None:
@@ -126,9 +105,9 @@ def test_a_contact_that_all_but_does_not_matter_to_a_level_leaves_the_levels_bel
         q, v = command.q, command.v
 
 
-def test_a_mobile_base_that_nothing_limits_makes_no_tick_of_a_weak_arm_infeasible(tmp_path: Path) -> None:
+def test_a_mobile_base_that_nothing_limits_makes_no_tick_of_a_weak_arm_infeasible() -> None:
     """Its motors cannot stop the arm within its limits: called infeasible and held, though a point lay within all."""
-    for control, decided, _ in odd_robots.ticked(6000034, tmp_path, 3):
+    for control, decided, _ in odd_robots.ticked(6000034, 3):
         assert decided.status.ok
         assert odd_robots.judged(control, decided).word != "wrong"
 
@@ -143,8 +122,8 @@ def test_a_row_of_which_rounding_alone_is_left_takes_no_room_from_the_levels_bel
 
 
 @pytest.mark.parametrize("tick", [5, 10])
-def test_a_push_that_is_rounding_of_a_level_holds_no_joint_for_it(tick: int, tmp_path: Path) -> None:
+def test_a_push_that_is_rounding_of_a_level_holds_no_joint_for_it(tick: int) -> None:
     """Manipulability above a position: its gradient has 6e-16 where there is none, and held a joint at its bound."""
-    for k, (control, command, _) in enumerate(odd_robots.ticked(1131003642, tmp_path, tick + 1)):
+    for k, (control, command, _) in enumerate(odd_robots.ticked(1131003642, tick + 1)):
         if k == tick:
             assert command.status.ok and odd_robots.judged(control, command).word != "wrong"

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import copy
-from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -18,8 +17,8 @@ import numpy as np
 import wbc
 from tasks import JointAccelerationLimits, JointVelocityLimits, Posture
 from tests.families.members import classes, samples
-from tests.families.oracle import judge, undamped
-from tests.families.progress import command, told
+from tests.families.oracle import undamped
+from tests.families.progress import Family, Ticks, followed
 from wbc.errors import WbcError
 from wbc.stack.task import Task
 from wbc.testing import robots
@@ -61,26 +60,12 @@ def draw(seed: int) -> tuple[wbc.Controller, np.ndarray, np.ndarray, str]:
             return control, q, v, f"{type(level).__name__} {type(hierarchy).__name__}"
 
 
-def ticked(case: int, ticks: int) -> Iterator[tuple[wbc.Controller, wbc.Command, str]]:
+def ticked(case: int, ticks: int) -> Ticks:
     """The controller, each of its commands, and what it is."""
-    control, q, v, kind = draw(case)
-    for tick in range(ticks):
-        decided = control.tick(1e-3 * tick, q, v)
-        yield control, decided, kind
-        q, v = decided.q, decided.v
+    yield from followed(*draw(case), ticks)
 
 
-def run(count: int, seed: int, *, ticks: int = 4, verbose: bool = False, first: int = 0) -> dict[str, Counter[str]]:
-    """Verdicts by level and hierarchy, of cases ``first`` to ``first + count`` of this seed."""
-    table: dict[str, Counter[str]] = {}
-    for k in told(range(first, first + count), table.values(), loud=verbose):
-        for tick, (control, decided, kind) in enumerate(ticked(seed * 1_000_003 + k, ticks)):
-            word, why = judge(control, decided, optimum=True)
-            table.setdefault(kind, Counter())[word] += 1
-            if verbose and word in ("wrong", "uncertified"):
-                print(f"{seed * 1_000_003 + k} tick {tick} {kind}: {word}: {why}", flush=True)
-    return table
-
+FAMILY = Family(ticked)
 
 if __name__ == "__main__":
-    command(run, __doc__, ticks=4)
+    FAMILY.command(__doc__, ticks=4)
