@@ -1,1 +1,1 @@
-"""The robots that come with the library, as URDF of primitive shapes; ``tests/models/own_robots.py`` writes them."""
+"""The robots that come with the library, as URDF of primitive shapes."""
