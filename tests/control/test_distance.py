@@ -6,6 +6,7 @@ import math
 import re
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import wbc
@@ -101,10 +102,11 @@ def test_the_bound_on_a_share_counts_beside_what_its_task_asks_for(case: int):
 
 def test_explain_gives_each_unit_its_own_number():
     """Of a task with rows in metres and in radians: error, residual and the distance from the optimum."""
-    frame = Frame("tool", target=np.eye(4))
+    away = pin.SE3(pin.exp3(np.array([0.0, 0.3, 0.0])), np.array([0.1, 0.0, 0.0]))
+    frame = Frame("tool", target=ARM.state().frame("tool").placement * away)
     controller = wbc.Controller(ARM, wbc.Stack([frame, Posture(ARM.q0)]), level=wbc.AccelerationLevel())
     controller.tick(0.0, ARM.q0, 0 * ARM.q0)
     (line,) = (line for line in controller.explain().splitlines() if "Frame[tool]" in line)
     number = r"[\d.e+-]+"
-    assert re.search(rf"error {number} m, {number} rad, residual {number} m/s², {number} rad/s², ", line), line
+    assert re.search(rf"error 0.1 m, 0.3 rad, residual {number} m/s², {number} rad/s², ", line), line
     assert re.search(rf"at most {number} m/s², {number} rad/s² from its optimum$", line), line

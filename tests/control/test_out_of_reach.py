@@ -172,19 +172,6 @@ def test_a_reset_forgets_the_damping_and_explain_says_it():
     assert first == [v.tobytes() for v in moved(controller, np.array(ARM.q0), np.zeros(ARM.nv), 0.2)[2]]
 
 
-def test_explain_says_the_size_of_each_unit_of_a_task_by_itself():
-    target = ARM.state().frame("tool").placement * pin.SE3(pin.exp3(np.array([0.0, 0.3, 0.0])), np.array([0.1, 0, 0]))
-    controller = Controller(ARM, Stack([Frame("tool", target=target)]), level=VelocityLevel(), dt=DT)
-    controller.tick(0.0, np.array(ARM.q0), np.zeros(ARM.nv))
-    assert "error 0.1 m, 0.3 rad, residual" in controller.explain()
-
-
-@pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
-def test_a_negative_factor_is_refused(level: Any):
-    with pytest.raises(wbc.errors.InvalidInput, match="lm_damping is -1"):
-        level(lm_damping=-1.0)
-
-
 @each_level
 def test_an_exact_task_out_of_reach_comes_to_rest_there_too(level: Any) -> None:
     """The task is relaxed in every tick, and what is left of it damps the joints."""
