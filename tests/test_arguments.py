@@ -212,15 +212,6 @@ def test_rows_that_there_are_not_are_named_with_those_that_there_are() -> None:
         wbc.Controller(ARM, wbc.Stack([made(fill=lambda self, state, out: (0.0, 1.0), dim=1, units="m")]), level=LEVEL)
 
 
-def test_an_empty_stack_is_refused_by_a_controller() -> None:
-    with pytest.raises(InvalidInput, match=r"the stack is empty: write wbc\.Stack\(\[\.\.\.\]\) with tasks"):
-        wbc.Controller(ARM, wbc.Stack([]), level=LEVEL)
-    controller = wbc.Controller(ARM, wbc.Stack([Posture(ARM.q0)]), level=LEVEL)
-    with pytest.raises(InvalidInput, match="the stack is empty"):
-        controller.replace(wbc.Stack([]))
-    assert controller.tick(0.0, ARM.q0, 0.0 * ARM.q0).status.ok
-
-
 def test_messages_show_what_was_given_on_one_line() -> None:
     stack = wbc.Stack([Posture(ARM.q0)])
     for swapped in (

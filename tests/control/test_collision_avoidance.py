@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 import wbc
 from tasks import CollisionAvoidance, JointLimits, Obstacle, Position, Posture
 from wbc import AccelerationLevel, Controller, InverseDynamics, Stack, VelocityLevel
-from wbc.errors import InvalidInput, UnknownName
 from wbc.models.collision import Distances
 from wbc.models.geometry import Sphere
 from wbc.sim.plant import IntegratorPlant
@@ -196,26 +195,6 @@ def test_margins_are_recorded_pair_by_pair_and_explained_by_name():
     assert margins[-1, row] == pytest.approx(nearest[2] - MARGIN, abs=1e-12)
     assert constraint.names[int(pairs[-1, row])] == nearest[:2]
     assert f"CollisionAvoidance: {nearest[0]} and ball" in controller.explain()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        ({"reach": 0.01, "margin": 0.02}, "reach is 0.01 m; it must be more than the margin of 0.02 m"),
-        ({"margin": -0.1}, "margin is -0.1"),
-        ({"slack": 0.0}, "slack is 0"),
-        ({"rate": 0.0}, "rate is 0"),
-        ({"count": 0}, "count is 0"),
-    ],
-)
-def test_what_makes_no_sense_is_refused(arguments: dict[str, Any], said: str):
-    with pytest.raises(InvalidInput, match=said):
-        CollisionAvoidance(**arguments)
-
-
-def test_an_unknown_link_is_refused_when_the_stack_is_compiled():
-    with pytest.raises(UnknownName, match="there is no link or obstacle 'fore'"):
-        towards(START, [CollisionAvoidance(pairs=[("fore", "base")])], VelocityLevel())
 
 
 @pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)

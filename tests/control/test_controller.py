@@ -351,12 +351,6 @@ def test_explain_tells_which_limit_holds_a_joint(arm: Any) -> None:
     assert "0.5 rad/s" in text
 
 
-def test_several_robots_are_refused_with_what_to_do_instead(arm: Any, humanoid: Any) -> None:
-    several: Any = [arm, humanoid]
-    with pytest.raises(NotSupported, match="robot is 2 robots, and a controller has one: give each free robot"):
-        wbc.Controller(several, wbc.Stack([Posture(arm.q0)]), level=wbc.VelocityLevel())
-
-
 def test_a_controller_says_what_it_is_when_it_is_printed():
     robot = wbc.load("arm")
     stack = wbc.Stack([Posture(robot.q0)])

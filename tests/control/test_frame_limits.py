@@ -26,7 +26,7 @@ from tasks import (
     feet,
 )
 from wbc import AccelerationLevel, Controller, InverseDynamics, Stack, VelocityLevel
-from wbc.errors import InvalidInput, NotSupported, UnknownFrame
+from wbc.errors import InvalidInput
 from wbc.models.model import RobotState
 from wbc.stack.constraint import Barrier, BarrierRows
 from wbc.testing import robots
@@ -206,13 +206,6 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
 def test_limits_that_make_no_sense_are_refused(make: Callable[[], Any], said: str):
     with pytest.raises(InvalidInput, match=said):
         make()
-
-
-def test_feet_that_are_not_there_are_refused_by_name():
-    with pytest.raises(UnknownFrame, match="front_left_foo"):
-        SupportPolygon.under(QUADRUPED, ["front_left_foo"])
-    with pytest.raises(NotSupported, match="nothing is known about the feet"):
-        SupportPolygon.under(ARM)
 
 
 @pytest.mark.parametrize(("radius", "offset"), [(0.05, (0.3, 0.3, 0.0)), (0.1, (0.2, 0.1, 0.0))])

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from tasks import JointLimits, JointPositionLimits, JointVelocityLimits, Posture, TorqueLimits
 from wbc import AccelerationLevel, Controller, InverseDynamics, Stack, VelocityLevel
-from wbc.errors import InvalidInput, NotSupported
+from wbc.errors import NotSupported
 from wbc.models.model import RobotModel
 from wbc.sim.plant import IntegratorPlant
 from wbc.testing import robots
@@ -159,19 +159,3 @@ def test_one_object_is_all_the_single_limits():
         one, other = (controller.tick(k * DT, q, v) for controller in controllers)
         np.testing.assert_array_equal(one.tau, other.tau)
         q, v = one.q, one.v
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        ({"without": ["speed"]}, "without.0. is 'speed'; it must be one of position, velocity, torque"),
-        ({"without": ["torque"], "tau_max": 3.0}, "is without torque and has limits on it"),
-        ({"without": "position", "upper": 3.0}, "is without position and has limits on it"),
-        ({"braking": 0.0}, "braking is 0"),
-        ({"a_max": -1.0}, "JointLimits.acceleration.a_max of joint"),
-        ({"j_max": 0.0}, "JointLimits.jerk.j_max of joint"),
-    ],
-)
-def test_limits_that_make_no_sense_are_refused(arguments: Any, said: str):
-    with pytest.raises(InvalidInput, match=said):
-        JointLimits(**arguments).prepare(ARM)

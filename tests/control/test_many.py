@@ -10,7 +10,7 @@ import pytest
 import wbc
 from tasks import JointAccelerationLimits, JointJerkLimits, JointVelocityLimits, Position, Posture, feet
 from wbc import AccelerationLevel, Component, Controller, Stack
-from wbc.errors import InvalidInput, WbcError
+from wbc.errors import WbcError
 
 ARM, LEGS = wbc.load("arm"), wbc.load("quadruped")
 
@@ -71,13 +71,6 @@ def test_each_answer_is_that_of_its_state_alone_in_any_order_on_any_number_of_wo
         np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-6)
 
 
-def test_controllers_of_robots_with_other_joints_are_refused():
-    other = wbc.load("humanoid")
-    second = Controller(other, Stack([Posture(other.q0)]), level=AccelerationLevel())
-    with pytest.raises(InvalidInput, match="other joints"):
-        wbc.run_many([controller(), second], [states(1)[0], (0.0, other.q0, np.zeros(other.nv))])
-
-
 def test_each_state_may_have_a_controller_of_its_own():
     asked = states(4)
     targets = [ARM.q0 + 0.1 * i for i in range(4)]
@@ -106,16 +99,3 @@ def test_a_worker_that_dies_is_reported():
     mortal = Controller(ARM, Stack([Posture(ARM.q0)], components=[Dies()]), level=AccelerationLevel())
     with pytest.raises(WbcError, match="a worker of run_many died"):
         wbc.run_many(mortal, states(4), workers=2)
-
-
-@pytest.mark.parametrize(
-    ("plans", "asked", "workers", "message"),
-    [
-        ([], states(1), 1, "0 controllers for 1 states"), (None, [], 1, "states is empty"),
-        (None, states(1), 0, "workers"), (None, [(0.0, np.zeros(3), np.zeros(6))], 1, "q must have shape"),
-        (None, [(0.0, np.zeros(3), np.zeros(6))] * 2, 2, "q must have shape"),
-    ],
-)  # fmt: skip
-def test_what_makes_no_sense_is_refused_by_name(plans, asked, workers, message):
-    with pytest.raises(InvalidInput, match=message):
-        wbc.run_many(controller() if plans is None else plans, asked, workers=workers)

@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 import tasks
 import wbc
 from tasks import (
-    Damping,
     Frame,
     FrameVelocityLimits,
     HalfSpaceLimit,
@@ -24,9 +23,8 @@ from tasks import (
     JointVelocityLimits,
     Position,
     Posture,
-    TorqueLimits,
 )
-from wbc.errors import InvalidInput, NotSupported
+from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
 from wbc.stack.member import bound
 from wbc.stack.task import Task
@@ -179,28 +177,3 @@ def test_the_same_seed_gives_the_same_answer_and_the_tasks_stay_as_they_were() -
     first, again = (wbc.reach(ARM, [task], start=start, seed=7) for _ in range(2))
     assert (first.q == again.q).all() and first.steps == again.steps
     assert task.gains()[2].tolist() == [3.0] * 6
-
-
-def test_arguments_that_make_no_sense_are_refused_by_name() -> None:
-    task = Position("tool", target=[0.4, 0.2, 0.5])
-    for settings_, name in (
-        ({"attempts": 0}, "attempts"),
-        ({"tolerance": 0.0}, "tolerance"),
-        ({"start": [1.0]}, "start"),
-    ):
-        with pytest.raises(InvalidInput, match=name):
-            wbc.reach(ARM, [task], **settings_)  # type: ignore[arg-type]
-    robot = wbc.load("humanoid")
-    for norm in (0.0, 5.0):
-        start = np.array(robot.q0)
-        start[3:7] *= norm
-        with pytest.raises(InvalidInput, match=rf"start: the base's quaternion q\[3:7\] has norm {norm:g}"):
-            wbc.reach(robot, [Position("left_hand", target=[0.3, 0.3, 1.0])], start=start)
-    for nothing in ([], [[]], [[], [task]]):
-        with pytest.raises(InvalidInput, match="tasks has no task in its first level"):
-            wbc.reach(ARM, nothing)
-    with pytest.raises(InvalidInput, match="Damping has kp = 0, so it has no error that could be met"):
-        wbc.reach(ARM, [task, Damping()])
-    with pytest.raises(NotSupported, match="TorqueLimits"):
-        wbc.reach(ARM, [task], subject_to=[TorqueLimits()])
-    assert wbc.reach(ARM, [[task], [Damping()]]).ok

@@ -238,9 +238,3 @@ def test_members_that_a_component_sets_are_in_the_twin_without_it():
         twin = Twin(wbc.Controller(ARM, stack, level=wbc.InverseDynamics()))
         twin()
         assert twin._twin.status.ok and stack.tasks[-1].set_by is components[-1]
-
-
-@pytest.mark.parametrize("given", [True, "arm", ARM])
-def test_a_rate_keeps_controllers_warm_and_nothing_else(given: Any):
-    with pytest.raises(wbc.errors.InvalidInput, match="warm is"):
-        wbc.Rate(1e-3, warm=given)

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from wbc.errors import InvalidInput, NoClosedForm
 from wbc.methods import ContactEstimate
 from wbc.methods.contact_estimate import UNFELT
 from wbc.testing import check_method
@@ -51,15 +49,3 @@ def test_the_force_pushes_and_does_not_slip(seed: int, friction: float) -> None:
 def test_what_no_joint_feels_is_no_force() -> None:
     J = np.vstack([np.eye(2), np.zeros((1, 2))])
     assert ContactEstimate(J, [1.0, 2.0]).closed_form().force[2] == 0.0
-
-
-def test_what_makes_no_sense_is_refused() -> None:
-    J, r = np.eye(3), np.ones(3)
-    for settings_, said in (
-        ({"normal": [0, 0, 1.0]}, "come together"), ({"normal": [0, 0, 0], "friction": 1.0}, "length 0"),
-        ({"normal": [0, 0, 1.0], "friction": 0.0}, "friction is 0"),
-    ):  # fmt: skip
-        with pytest.raises(InvalidInput, match=said):
-            ContactEstimate(J, r, **settings_)
-    with pytest.raises(NoClosedForm, match="friction cone"):
-        ContactEstimate(J, r, normal=[0, 0, 1.0], friction=1.0).closed_form()

@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
-from wbc.errors import InvalidInput
 from wbc.methods import FaultFraction
 from wbc.qp import solve
 from wbc.testing import check_method
@@ -90,29 +89,3 @@ def test_a_joint_that_is_asked_for_nothing_is_not_known():
     assert answer.identifiable.tolist() == [True, False]
     nothing = FaultFraction([0.0, 0.0], [0.0, 0.0])
     assert np.isnan(nothing.solve().fraction).all() and np.isnan(nothing.closed_form().fraction).all()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (([1.0, 2.0], [1.0]), r"residual must have shape \(2,\), not \(1,\)"),
-        (([1.0, np.inf], [1.0, 1.0]), r"tau\[1\] is inf"),
-        (([1.0, 2.0], [1.0, np.nan]), r"residual\[1\] is nan"),
-    ],
-)
-def test_bad_arguments_are_named(arguments: tuple[Any, Any], message: str):
-    with pytest.raises(InvalidInput, match=message):
-        FaultFraction(*arguments)
-
-
-@pytest.mark.parametrize(
-    ("weight", "message"),
-    [
-        (0.0, "weight is 0; it must be > 0"),
-        ([1.0, -1.0], r"weight\[1\] is -1; it must be positive"),
-        ([[1.0, 3.0], [3.0, 1.0]], "weight is not positive definite: an eigenvalue is -2"),
-    ],
-)
-def test_bad_weights_are_named(weight: Any, message: str):
-    with pytest.raises(InvalidInput, match=message):
-        FaultFraction([1.0, 1.0], [0.0, 0.0], weight=weight)

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from wbc.errors import InvalidInput
 from wbc.methods import NullSpaceSaturation
 from wbc.qp.solvers import usable
 from wbc.testing import check_method
@@ -116,18 +115,6 @@ def test_the_drift_of_a_level_above_is_kept_too():
 def test_no_level_may_be_kept():
     nothing = NullSpaceSaturation.prioritised([([[1.0]], [1.0], [5.0])], lower=-1, upper=1).solve()
     assert not nothing.feasible and nothing.scales == (None,) and np.isnan(nothing.x).all()
-
-
-def test_wrong_lists_of_tasks_are_named():
-    with pytest.raises(InvalidInput, match="empty"):
-        NullSpaceSaturation.prioritised([], lower=-1, upper=1)
-    with pytest.raises(InvalidInput, match=r"tasks\[1\].target"):
-        NullSpaceSaturation.prioritised([([[1.0]], [1.0]), ([[1.0]], [1.0, 2.0])], lower=-1, upper=1)
-    with pytest.raises(InvalidInput, match=r"tasks\[1\].J has 2 columns"):
-        NullSpaceSaturation.prioritised([([[1.0]], [1.0]), ([[1.0, 2.0]], [1.0])], lower=-1, upper=1)
-    for entry in (3, ([[1.0]],), ([[1.0]], [1.0], [0.0], [0.0])):
-        with pytest.raises(InvalidInput, match=r"tasks\[1\] is .*; it must be \(J, target\) or"):
-            NullSpaceSaturation.prioritised([([[1.0]], [1.0]), entry], lower=-1, upper=1)
 
 
 @pytest.mark.parametrize("solver", ["pdas", "daqp"])

@@ -13,7 +13,6 @@ from scipy.optimize import linprog
 from tests.methods.problems import bare_steps, integer_step, steps
 from tests.seeds import generator
 from wbc import qp
-from wbc.errors import InvalidInput, NotSupported
 from wbc.methods import ProjectedGradientStep
 from wbc.qp.solvers import usable
 from wbc.testing import check_method
@@ -295,28 +294,6 @@ def test_the_null_motion_may_restore_feasibility():
     step = ProjectedGradientStep([1.5, 0.0], [-1.0, 0.1], v_min=[-1, -1], v_max=[1, 1])
     assert step.closed_form().interval == pytest.approx((0.5, 2.5))
     assert step.solve("daqp").interval == pytest.approx((0.5, 2.5))
-
-
-@pytest.mark.parametrize(
-    ("arguments", "sentence"),
-    [
-        ({"v_null": [1.0]}, r"v_null must have shape"),
-        ({"v_task": [np.nan, 0.0]}, r"v_task\[0\] is nan"),
-        ({"v_min": [2.0, -1.0]}, r"v_min\[0\] is 2 and v_max\[0\] is 1"),
-        ({"v_max": [1.0, np.nan]}, r"v_max\[1\] is nan"),
-        ({"alpha_max": -1.0}, "alpha_max is -1"),
-        ({"v_max": [INF, INF]}, "alpha_max is inf"),
-    ],
-)
-def test_wrong_arguments_are_named(arguments: dict[str, object], sentence: str):
-    good: dict[str, object] = {"v_task": [0.0, 0.0], "v_null": [1.0, 1.0], "v_min": [-1.0, -1.0], "v_max": [1.0, 1.0]}
-    with pytest.raises(InvalidInput, match=sentence):
-        ProjectedGradientStep(**(good | arguments))  # type: ignore[arg-type]
-
-
-def test_the_qp_over_velocities_needs_the_gradient():
-    with pytest.raises(NotSupported, match="from_gradient"):
-        ProjectedGradientStep([0.0], [1.0], v_min=[-1], v_max=[1]).qp_over_velocity(1.0)
 
 
 @pytest.mark.parametrize("exponent", [-250, -100, -30, -13, 13])

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from wbc.errors import NotSupported
 from wbc.methods import ProjectedGradientStep
 
 
@@ -75,8 +74,3 @@ def test_what_the_legend_names_can_be_seen():
 def test_every_step_of_two_joints_can_be_drawn(step: ProjectedGradientStep, tmp_path):
     step.plot().savefig(tmp_path / "step.svg")
     assert (tmp_path / "step.svg").stat().st_size > 5000
-
-
-def test_only_two_joints_have_a_plane():
-    with pytest.raises(NotSupported, match="2 joints"):
-        ProjectedGradientStep([0.0], [1.0], v_min=[-1], v_max=[1]).plot()

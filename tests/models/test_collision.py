@@ -13,8 +13,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wbc.errors import InvalidInput, NotSupported, UnknownName
-from wbc.models import PlanarPR, load
+from wbc.errors import InvalidInput, UnknownName
+from wbc.models import load
 from wbc.models.collision import Distances, Obstacle
 from wbc.models.geometry import Box, Cylinder, Mesh, Sphere
 from wbc.testing import moments, robots
@@ -439,18 +439,3 @@ def test_a_mesh_without_volume_is_refused_by_its_name(tmp_path: Path):
 def test_what_makes_no_sense_is_refused(arguments: dict[str, Any], error: type[Exception], said: str):
     with pytest.raises(error, match=said):
         Distances(ARM, **arguments)
-
-
-def test_a_robot_without_shapes_is_refused():
-    robot = PlanarPR(m1=1.0, m2=1.0, l2=1.0, d2=0.5, I2=0.1)
-    with pytest.raises(NotSupported, match="has no collision shapes"):
-        Distances(robot)
-
-
-@pytest.mark.parametrize(
-    ("shape", "pose", "said"),
-    [("sphere", at(0, 0, 0), "is no Box, Sphere"), (Sphere(0.1), [0, 0, 0], "a pose is a pinocchio.SE3")],
-)
-def test_an_obstacle_is_a_shape_at_a_pose(shape: Any, pose: Any, said: str):
-    with pytest.raises(InvalidInput, match=said):
-        Obstacle("thing", shape, pose)

@@ -249,14 +249,6 @@ def test_an_order_that_pinocchio_cannot_compute_with_is_refused():
         load(model)
 
 
-def test_what_is_no_robot_is_refused():
-    for odd in (3, None, [], SimpleNamespace(model=3), ModuleType("empty")):
-        with pytest.raises(InvalidInput, match="a robot is loaded by name or path, or from a model"):
-            load(odd)
-    with pytest.raises(ModelError, match="no joint moves"):
-        load(pin.Model())
-
-
 # ---- folders and packages
 def test_a_folder_is_the_robot_in_it(tmp_path: Path):
     (tmp_path / "urdf").mkdir()

@@ -9,8 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import wbc
-from wbc.errors import NotSupported
-from wbc.models import PlanarPR
 from wbc.models.inertial_regressor import InertialRegressor
 from wbc.models.pinocchio_ import PinocchioModel
 
@@ -94,10 +92,3 @@ def test_no_smaller_set_of_parameters_gives_all_torques() -> None:
     assert sizes[-1] > 1e-6 * sizes[0]
     assert np.linalg.matrix_rank(Y, tol=1e-9 * sizes[0]) == len(columns) < 70
     np.testing.assert_allclose(Y[:, columns] @ REGRESSOR.grouping, Y, atol=1e-8)
-
-
-def test_what_has_no_regressor_is_refused_by_name() -> None:
-    with pytest.raises(NotSupported, match="quadruped has a floating base"):
-        InertialRegressor(wbc.load("quadruped", base="floating"))
-    with pytest.raises(NotSupported, match="a regressor needs a robot from a URDF"):
-        InertialRegressor(PlanarPR(m1=1, m2=1, l2=0.5, d2=0.25, I2=0.1))

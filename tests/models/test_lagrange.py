@@ -46,28 +46,6 @@ def test_a_word_spells_a_chain(word: str, joints: tuple[str, ...]):
     assert Chain.parse(str(Chain.parse(word))) == Chain.parse(word)
 
 
-@pytest.mark.parametrize(
-    ("word", "complaint"),
-    [
-        ("", "no joint"),
-        ("PQ", "at 'Q'"),
-        ("Rx", "at 'x'"),
-        ("P R", "at ' R'"),
-        ("R" * 7, "7 joints"),
-        ("4", "at '4'"),
-        (3, "not by int"),
-    ],
-)
-def test_a_word_that_is_no_chain_is_refused_where_it_goes_wrong(word: str, complaint: str):
-    with pytest.raises(InvalidInput, match=complaint):
-        Chain.parse(word)
-
-
-def test_a_chain_is_made_of_known_joints():
-    with pytest.raises(InvalidInput, match=r"joints\[1\] is 'Pz'"):
-        Chain(("R", "Pz"))  # type: ignore[arg-type]
-
-
 def test_links_that_cannot_turn_have_neither_offset_nor_inertia():
     assert Chain.parse("PyPRP").parameters == (
         "m1", "m2", "m3", "m4", "l3", "d3", "d4", "I3", "I4",

@@ -63,41 +63,6 @@ def test_the_four_masses_and_the_four_coefficients_give_the_same_forces(seed: in
 
 
 # ---- arguments
-@pytest.mark.parametrize(
-    ("changed", "complaint"),
-    [
-        ({"m2": -1.0}, "m2 is -1; it must be >= 0"),
-        ({"l2": np.nan}, "l2 is nan"),
-        ({"I2": "heavy"}, "I2 must be a number, not 'heavy'"),
-        ({"gravity": np.inf}, "gravity is inf"),
-        ({"m1": 0.0, "I2": 0.0}, "inertia matrix of planar_pr is singular"),
-        ({"m2": 0.0, "I2": 0.0}, "inertia matrix of planar_pr is singular"),
-        ({"tau_max": (1.0, 0.0)}, r"tau_max\[1\] is 0"),
-        ({"v_max": -1.0}, r"v_max\[0\] is -1"),
-        ({"q_min": 1.0, "q_max": (2.0, 0.5)}, r"q_min\[1\] is 1 and q_max\[1\] is 0.5"),
-        ({"q_max": np.ones(3)}, r"q_max must have shape \(2,\), not \(3,\)"),
-    ],
-)
-def test_parameters_without_meaning_are_refused_by_name(changed: dict[str, Any], complaint: str):
-    with pytest.raises(InvalidInput, match=complaint):
-        PlanarPR(**({"m1": 1.0, "m2": 1.0, "l2": 0.5, "d2": 0.25, "I2": 0.1} | changed))
-
-
-@pytest.mark.parametrize(
-    ("m", "complaint"),
-    [
-        ((1, 1, 1), r"m must have shape \(4,\), not \(3,\)"),
-        ((1, 1, -1, 1), r"m\[2\] is -1; it must be >= 0"),
-        ((1, np.nan, 1, 1), r"m\[1\] is nan"),
-        ((1, 1, 1, 0), "singular"),
-        ((0, 0, 1, 1), "singular"),
-        ((1, 0, 0, 1), "singular"),
-        ((1, "a", 1, 1), "m must be an array of numbers"),
-    ],
-)
-def test_masses_without_meaning_are_refused(m: Any, complaint: str):
-    with pytest.raises(InvalidInput, match=complaint):
-        Planar4P(m=m)
 
 
 def test_links_without_mass_are_allowed_while_all_joints_feel_inertia():

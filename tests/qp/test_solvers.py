@@ -158,11 +158,6 @@ def test_whatever_qpsolvers_can_run_has_a_name_here():
     assert set(qpsolvers.available_solvers) <= set(names())
 
 
-def test_an_unknown_back_end_of_qpsolvers_is_refused():
-    with pytest.raises(UnknownSolver, match="did you mean 'highs'"):
-        QpSolvers("higs")
-
-
 # ---- settings
 
 

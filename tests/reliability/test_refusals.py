@@ -33,6 +33,7 @@ from wbc.errors import (
     UnknownRobot,
     UnknownSlot,
     UnknownSolver,
+    WbcError,
 )
 from wbc.methods import (
     ContactEstimate,
@@ -58,8 +59,10 @@ from wbc.qp.solvers import QpSolvers
 from wbc.robots import SENSORS, BaseEstimator, EstimatedBase, JointMap, MotorBoard, Ros2Control, UnitreeGo2
 from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.disturbance import Delay, Payload, Push, SensorNoise
+from wbc.sim.drives import PositionDrives
 from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.plant import IntegratorPlant
+from wbc.sim.plant import ForwardDynamicsPlant, IntegratorPlant
+from wbc.sim.simulate import simulate
 from wbc.stack.interval import JointIntervals
 
 ARM, HUMANOID, QUADRUPED = (load(name) for name in ("arm", "humanoid", "quadruped"))
@@ -139,6 +142,9 @@ METHODS = (
     (lambda: step(v_max=[np.inf, np.inf]), "alpha_max is inf"),
     (lambda: ProjectedGradientStep([0.0], [1.0], v_min=[-1], v_max=[1]).qp_over_velocity(1.0), "from_gr", NotSupported),
     (lambda: ProjectedGradientStep([0.0], [1.0], v_min=[-1], v_max=[1]).plot(), "2 joints", NotSupported),
+    *((lambda junk=junk: MomentumResidual(gain=1.0, dt=0.1).restart(junk), "", WbcError)
+      for junk in ("a", None, [], 1j, np.nan)),
+    *((lambda junk=junk: PseudoInertia.metric(junk), "", WbcError) for junk in ("a", None, [], 1j, np.nan, -1)),
     (lambda: PseudoInertia([1.0]), r"parameters must have shape \(10,\)"),
     (lambda: torque(M=[[1.0, 2.0], [2.0, 1.0]]), "M is not positive definite: an eigenvalue is -1"),
     (lambda: torque(M=[[1.0, 0.5], [0.2, 1.0]]), r"M is not symmetric: M\[0, 1\] = 0.5, M\[1, 0\] = 0.2"),
@@ -201,6 +207,7 @@ CONTROL = (
     (lambda: wbc.run_many(controller(), [(0.0, np.zeros(3), 0 * ARM.q0)] * 2, workers=2), "q must have shape"),
     (lambda: controller(REACH, on=[ARM, HUMANOID]),
      "robot is 2 robots, and a controller has one: give each free robot", NotSupported),
+    (lambda: controller().replace(wbc.Stack([])), r"the stack is empty: write wbc\.Stack\(\[\.\.\.\]\) with tasks"),
     (lambda: wbc.Rate(1e-3).percentile(101), "percent"),
     (lambda: wbc.Rate(1e-3, warm=True), "warm is"),
     *((lambda norm=norm: wbc.reach(HUMANOID, [T.CenterOfMass(target=ZEROS)], start=with_base(norm)),
@@ -300,6 +307,27 @@ SIMULATION = (
         (lambda: Push("a", ZEROS, 0, 0), "duration is 0"), (lambda: Payload("a", 0.0), "mass is 0"),
         (lambda: SensorNoise(velocity=-1e-3), "velocity is -0.001"), (lambda: SensorNoise(seed=True), "seed is True"),
         (lambda: Delay(-0.1), "seconds is -0.1"))),
+    *((lambda given=given: ActuatorFault(**{"joint": "q1", **given}), says) for given, says in (
+        ({"effectiveness": 1.2}, "effectiveness is 1.2; it must be between 0 and 1"), ({"bias": np.nan}, "bias is nan"),
+        ({"start": 2.0, "end": 1.0}, "end is 1; it must be after start, 2"), ({"end": "later"}, "end must be an array"),
+        ({"ceiling": None}, "ceiling must be an array of numbers"), ({"ceiling": np.nan}, "ceiling is nan"),
+        ({"joint": 1}, "joint is 1; it must be text"))),
+    (lambda: ActuatorFault(joint="q9").begin(ForwardDynamicsPlant(Planar4P())), "q9", UnknownJoint),
+    *((lambda given=given: PositionDrives(**given).gains(ARM), says) for given, says in (
+        ({"stiffness": -1.0}, "stiffness"), ({"damping": [1.0, np.nan]}, "damping"), ({"stiffness": "stiff"}, "stiff"),
+        ({"stiffness": [1.0, 2.0]}, "has 7 joints"), ({"damping": np.zeros((7, 1))}, "a number or"))),
+    (lambda: IntegratorPlant(ARM).push("tool", np.ones(3)), "IntegratorPlant knows no forces", NotSupported),
+    (lambda: IntegratorPlant(ARM).add_mass("tool", 1.0), "cannot change its masses", NotSupported),
+    (lambda: IntegratorPlant(ARM, level="torque"), "level is 'torque'"),  # type: ignore[arg-type]
+    (lambda: ForwardDynamicsPlant(ARM, substeps=0), "substeps is 0"),
+    (lambda: simulate(controller(), IntegratorPlant(ARM, dt=2e-3), duration=1.0), "the plant steps 0.002 s"),
+    (lambda: simulate(controller(), IntegratorPlant(QUADRUPED), duration=1.0), "drives arm, the plant is quadruped"),
+    (lambda: simulate(controller(), IntegratorPlant(ARM), duration=1.0), r"IntegratorPlant\(robot, level='velocity'\)"),
+    (lambda: simulate(controller(), IntegratorPlant(ARM, level="velocity"), duration=1e-4), "shorter than one tick"),
+    *((lambda at=at: simulate(controller(), IntegratorPlant(ARM, level="velocity"), duration=1.0, disturbances=at),
+       *says) for at, says in (
+        ([Push("tool", (1, 0, 0), 0, 1)], ("nothing can push 'tool'", NotSupported)),
+        (Push("tool", (1, 0, 0), 0, 1), (r"disturbances is Push\(.*; write disturbances=\[Push\(…\)\]",)))),
     (lambda: IntegratorPlant(QUADRUPED).reset(q=ZEROS), "q must have shape"),
     (lambda: IntegratorPlant(QUADRUPED).reset(q=np.full(QUADRUPED.nq, np.nan)), r"q\[0\] is nan"),
     (lambda: IntegratorPlant(QUADRUPED).reset(q=0 * QUADRUPED.q0), r"q\[3:7\] is a quaternion of length 0"),

@@ -43,6 +43,9 @@ ELSEWHERE = {
     "Reading.time",
 }
 
+#: Second constructors that do not say yet what is wrong with what they are given.
+UNCHECKED = {"Obstacle.between", "SupportPolygon.under", "Thresholds.predicted"}
+
 
 def nonsense() -> dict[str, Any]:
     """Values that are no argument of anything, or of very little."""
@@ -96,7 +99,8 @@ def faults(source: str) -> Iterator[tuple[str, str]]:
 def _of_call(call: ast.Call, names: dict[str, Any]) -> Iterator[tuple[str, str]]:
     try:
         function = _value(call.func, names)
-        if not (_is_ours(function) and (inspect.isclass(function) or inspect.isfunction(function))):
+        makes = inspect.isclass(getattr(function, "__self__", None)) and function.__qualname__ not in UNCHECKED
+        if not (_is_ours(function) and (makes or inspect.isclass(function) or inspect.isfunction(function))):
             return  # methods are called with models and states, by plans
         positional = [_value(argument, names) for argument in call.args]
         named = {word.arg: _value(word.value, names) for word in call.keywords if word.arg}

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import wbc
 from tests.robots.motions import (
     NAMES,
     POINTS,
@@ -18,10 +17,8 @@ from tests.robots.motions import (
     estimator,
     standing,
 )  # fmt: skip
-from wbc.errors import InvalidInput, UnknownFrame
-from wbc.models.feet import Foot
 from wbc.models.plausible import ImplausibleUnit
-from wbc.robots import BaseEstimator, ImuNoise
+from wbc.robots import BaseEstimator
 from wbc.sim.spoiling import RUBBISH, spoilt
 
 
@@ -129,34 +126,8 @@ def test_after_a_gap_it_begins_to_see_again() -> None:
     assert np.abs(errors(q, v, motion.q[-1], motion.v[-1])[3:5]).max() < 1e-5
 
 
-@pytest.mark.parametrize(
-    "make, said",
-    [
-        (lambda: BaseEstimator(wbc.load("arm")), "floating base"),
-        (lambda: BaseEstimator(ROBOT, []), "contacts"),
-        (lambda: BaseEstimator(ROBOT, [NAMES[0], NAMES[0]]), "contacts"),
-        (lambda: BaseEstimator(ROBOT, [Foot(NAMES[0], "sole", 0.6)]), "is a sole without half_size"),
-        (lambda: BaseEstimator(ROBOT, imu_frame=NAMES[0]), "link of the base"),
-        (lambda: BaseEstimator(ROBOT, make=0.01, break_=0.02), "break_"),
-        (lambda: BaseEstimator(ROBOT, flex=0.0), "flex"),
-        (lambda: ImuNoise(gyro=-1.0), "gyro"),
-        (lambda: BaseEstimator(ROBOT).reset(np.zeros(19), np.zeros(18)), "length"),
-        (lambda: BaseEstimator(ROBOT).reset(ROBOT.q0, np.zeros(17)), "shape"),
-    ],
-)
-def test_what_makes_no_sense_is_refused(make: Any, said: str) -> None:
-    with pytest.raises(InvalidInput, match=said):
-        make()
-
-
 def test_a_start_with_w_first_is_warned_about() -> None:
     q = np.array(ROBOT.q0)
     q[3:7] = [1.0, 0.0, 0.0, 0.0]
     with pytest.warns(ImplausibleUnit, match="upside down: quaternions are x, y, z, w here"):
         BaseEstimator(ROBOT).reset(q, np.zeros(18))
-
-
-def test_frames_that_are_not_there_are_refused_by_name() -> None:
-    for settings_ in ({"contacts": ["nose"]}, {"imu_frame": "nose"}):
-        with pytest.raises(UnknownFrame, match="nose"):
-            BaseEstimator(ROBOT, **settings_)  # type: ignore[arg-type]

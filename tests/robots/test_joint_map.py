@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import wbc
-from wbc.errors import InvalidInput, UnknownJoint, UnknownSlot, WbcError
+from wbc.errors import InvalidInput
 from wbc.robots import JointMap, LeRobot
 
 JOINTS = ("left_hip", "left_knee", "right_hip", "right_knee")
@@ -90,45 +90,6 @@ def test_a_robots_joints_go_to_the_slots_of_their_names():
     assert part.position_to_device([1.0, 2.0]).tolist() == [-2.0, 1.0]
 
 
-@pytest.mark.parametrize(
-    ("change", "kind", "says"),
-    [
-        ({"joints": ["left_hip", "left_hip", "right_hip", "right_knee"]}, InvalidInput, "each once"),
-        ({"slots": ["m0", "m1", "m1", "m3"]}, InvalidInput, "slot 'm1' is given twice, to left_knee and right_hip"),
-        ({"slots": ["m0", "m1", "m2", "m9"]}, UnknownSlot, "there is no slot 'm9'; there are: m0, m1, m2, m3"),
-        ({"slots": ["m0", "m1", "m2"]}, InvalidInput, "slots has 3 names for 4 joints"),
-        ({"device": [*SLOTS, "m4"]}, InvalidInput, "slot 'm4' has no joint; map one to it, or name it in idle"),
-        ({"idle": ["m0"]}, InvalidInput, "slot 'm0' is given twice, to left_hip and idle"),
-        ({"idle": ["m7"]}, UnknownSlot, "'m7'"),
-        ({"gear": {"left_knee": 0}}, InvalidInput, "gear of left_knee is 0; it must be > 0"),
-        ({"gear": [1, -2, 1, 1]}, InvalidInput, "gear of left_knee is -2"),
-        ({"sign": {"right_hip": 0}}, InvalidInput, "sign of right_hip is 0; it must be 1 or -1"),
-        ({"sign": {"right_hp": -1}}, UnknownJoint, "did you mean 'right_hip'"),
-        ({"sign": [1, 1]}, InvalidInput, "sign"),
-        ({"offset": [0, 0, np.nan, 0]}, InvalidInput, r"offset\[2\] is nan"),
-        ({"unit": {"left_hip": "degrees"}}, InvalidInput, "unit of left_hip is 'degrees'"),
-        ({"unit": ["rad"]}, InvalidInput, "unit has 1 entries for 4 joints"),
-    ],
-)
-def test_a_wrong_map_is_refused_by_name(change: dict[str, Any], kind: type[WbcError], says: str):
-    with pytest.raises(kind, match=says):
-        JointMap(**{"joints": JOINTS, "slots": SLOTS, "device": SLOTS} | change)
-
-
-def test_of_refuses_what_is_no_robot_and_joints_it_does_not_have():
-    robot = wbc.load("arm")
-    with pytest.raises(UnknownJoint, match="did you mean 'elbow'"):
-        JointMap.of(robot, robot.joint_names, joints=["elbw"])
-    with pytest.raises(UnknownJoint, match="'elbw'"):
-        JointMap.of(robot, robot.joint_names, names={"elbw": "elbow"})
-    with pytest.raises(UnknownSlot, match="elbow"):
-        JointMap.of(robot, [name for name in robot.joint_names if name != "elbow"])
-    with pytest.raises(InvalidInput, match="a map has sign, offset, gear and unit"):
-        JointMap.of(robot, robot.joint_names, signs=1)
-    with pytest.raises(InvalidInput, match="robot is 'arm'; it must be a robot"):
-        JointMap.of("arm", robot.joint_names)  # type: ignore[arg-type]
-
-
 def sliding(folder: Path, reach: float = 2.0) -> Any:
     """An arm whose gripper slides by ``reach`` [m]."""
     inertial = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
@@ -157,14 +118,6 @@ def test_a_device_keeps_its_unit_for_the_joints_that_are_not_named(given_: dict[
     for unit in ("deg", {"gripper": "deg"}):
         with pytest.raises(InvalidInput, match="gripper is deg; it slides, so it must be m"):
             arm.joint_map(robot, unit=unit)
-
-
-def test_values_that_are_no_numbers_are_refused():
-    joint_map = JointMap(JOINTS, SLOTS, SLOTS)
-    with pytest.raises(InvalidInput, match=r"p\[2\] is nan; it must be finite"):
-        joint_map.position_from_device([0, 0, np.nan, 0])
-    with pytest.raises(InvalidInput, match=r"q must have shape \(4,\)"):
-        joint_map.position_to_device([0.0])
 
 
 def test_a_map_cannot_be_changed():

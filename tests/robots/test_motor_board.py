@@ -17,7 +17,7 @@ from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.disturbance import Delay, SensorNoise
 from wbc.sim.engine import PhysicsSettings
 from wbc.sim.mujoco_ import MujocoPlant
-from wbc.sim.plant import ForwardDynamicsPlant, IntegratorPlant
+from wbc.sim.plant import ForwardDynamicsPlant
 
 pytest.importorskip("mujoco")
 pytestmark = pytest.mark.physics
@@ -205,8 +205,3 @@ def test_a_robot_is_held_at_an_attitude_by_physics_alone():
         MotorBoard(group, ForwardDynamicsPlant(robot)).tilt(np.eye(3))
     with pytest.raises(InvalidInput, match="attitude"):
         MotorBoard(group, MujocoPlant(robot)).tilt(2.0 * np.eye(3))
-
-
-def test_a_plant_that_takes_no_torques_is_refused():
-    with pytest.raises(InvalidInput, match="motors give torques"):
-        MotorBoard(Ros2Control(ARM.joint_names), IntegratorPlant(ARM))

@@ -11,7 +11,7 @@ import pytest
 from tasks import feet
 from tasks.scenarios import SCENARIOS
 from tests.robots.motions import ROBOT
-from wbc.errors import InvalidInput, UnknownName
+from wbc.errors import UnknownName
 from wbc.robots import SENSORS, EstimatedBase, ImuNoise, Sensors
 from wbc.sim.mujoco_ import MujocoPlant
 from wbc.sim.plant import IntegratorPlant
@@ -83,19 +83,6 @@ def test_a_robot_is_told_where_its_feet_stand_and_not_how_it_leans() -> None:
         middles.append(np.mean([np.array(state.frame(name).position) for name in ROBOT.feet], axis=0))
     assert np.abs(ROBOT.difference(plant.q, q))[3:5].max() > 5e-3, "it was told how it leans"
     assert np.abs(middles[1] - middles[0]).max() < 1e-4
-
-
-def test_feet_are_felt_by_sensors_or_by_torques() -> None:
-    with pytest.raises(InvalidInput, match="force sensors"):
-        EstimatedBase(SENSORS["exact"]).begin(IntegratorPlant(ROBOT))
-    with pytest.raises(InvalidInput, match="feet"):
-        Sensors(feet="eyes")
-    with pytest.raises(InvalidInput, match="delay"):
-        Sensors(delay=-1.0)
-    with pytest.raises(InvalidInput, match="seed"):
-        EstimatedBase(SENSORS["exact"], seed=-1)
-    with pytest.raises(InvalidInput, match="floor"):
-        EstimatedBase(SENSORS["exact"], floor=-1.0)
 
 
 # ---- in the loop

@@ -17,7 +17,6 @@ from tasks.scenarios.arm_collision import jacobian, moved_links
 from tasks.scenarios.arm_payload import heaviest
 from tests.scenarios.test_faults import run
 from tests.scenarios.test_standing import failed, needs_examples
-from wbc.errors import InvalidInput, UnknownFrame, UnknownRobot
 from wbc.models.model import RobotState
 from wbc.report.document import Table
 from wbc.sim.actuator_fault import ActuatorFault
@@ -94,17 +93,6 @@ def test_bodies_of_links_move_the_centre_of_mass_together(state: RobotState) -> 
     masses = [inertia.mass for inertia in list(ARM.pinocchio.inertias)[1:]]
     momentum = sum(m * jacobian(ARM, link, state.q) for m, link in zip(masses, moved_links(ARM), strict=True))
     np.testing.assert_allclose(momentum, ARM.mass * state.com_jacobian, atol=1e-9)
-
-
-def test_parameters_that_make_no_sense_are_refused() -> None:
-    with pytest.raises(UnknownRobot, match="panda"):
-        run("arm-payload", "robot=pand")
-    with pytest.raises(InvalidInput, match="the load comes at 3 s"):
-        run("arm-payload", duration=2.0)
-    with pytest.raises(InvalidInput, match="has 7 joints"):
-        run("arm-actuator-loss", "robot=arm", "joints=9")
-    with pytest.raises(UnknownFrame):
-        run("arm-collision", "robot=arm", "link=elbo")
 
 
 @pytest.mark.physics

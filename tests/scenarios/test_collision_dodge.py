@@ -10,7 +10,6 @@ import pytest
 import wbc
 from tasks.scenarios import SCENARIOS
 from tasks.scenarios.collision_dodge import EVERY, FAR, PERIOD, clearance, obstacles, path
-from wbc.errors import InvalidInput
 from wbc.models.collision import Distances
 from wbc.models.geometry import Cylinder
 from wbc.report import run_report
@@ -82,9 +81,3 @@ def test_in_physics_the_whole_way_there_and_back_is_clear_only_with_the_limit():
     assert result.figures["min_distance_m"] > 0.0 > result.figures["without_m"]
     assert result.figures["tool_error_at_the_end_m"] < 2e-3
     assert result.figures["largest_torque_step_Nm"] < 10.0
-
-
-@pytest.mark.parametrize("settings", ["margin=0", "margin=0.5", "margin=-1"])
-def test_a_margin_that_makes_no_sense_is_refused(settings: str):
-    with pytest.raises(InvalidInput, match="margin is"):
-        run(0.05, settings)

@@ -8,7 +8,7 @@ import pytest
 import wbc
 from tasks import LoopClosure
 from tests.scenarios.test_standing import failed, needs_examples, run
-from wbc.errors import NotSupported, UnknownFrame, UnknownRobot
+from wbc.errors import NotSupported, UnknownFrame
 
 
 @pytest.mark.physics
@@ -38,5 +38,3 @@ def test_what_physics_cannot_join_is_refused() -> None:
     rows = ("x", "y", "z", "rx", "ry", "rz")
     with pytest.raises(UnknownFrame, match="a weld joins links"):
         MujocoPlant(robot, contacts=[LoopClosure("left_wrist_roll", to="left_hand", rows=rows)])
-    with pytest.raises(UnknownRobot, match="humanoid"):
-        run("dual-arm", "robot=humanoit")

@@ -13,7 +13,6 @@ from tasks import feet
 from tasks.scenarios import SCENARIOS
 from tasks.scenarios.least_torque import least_torque
 from tests.scenarios.test_standing import failed, needs_examples
-from wbc.errors import InvalidInput, UnknownJoint, UnknownRobot
 from wbc.report.document import Plot
 from wbc.sim.scenario import ScenarioResult, Settings
 
@@ -76,18 +75,6 @@ def test_the_report_shows_both_runs_and_every_decision(weak: ScenarioResult) -> 
     assert weak.called == "with an answer" and list(weak.beside) == ["without an answer"]
     (error,) = [item for item in made[0].items if isinstance(item, Plot) and item.name == "true_error"]
     assert [(curve.label, curve.run) for curve in error.curves] == [("with an answer", 0), ("without an answer", 1)]
-
-
-def test_parameters_that_make_no_sense_are_refused_before_the_first_tick() -> None:
-    with pytest.raises(UnknownRobot, match="talos"):
-        run("humanoid-joint-loss", "robot=talo")
-    with pytest.raises(UnknownJoint, match="left_knee"):
-        run("humanoid-joint-loss", "robot=humanoid", "joint=left_kne")
-    for name in ("quadruped-joint-loss", "quadruped-actuator-weak"):
-        with pytest.raises(InvalidInput, match="moments"):
-            run(name, "robot=quadruped", "moments=0")
-    with pytest.raises(InvalidInput, match="left"):
-        run("quadruped-actuator-weak", "robot=quadruped", "left=0")
 
 
 # ---- what statics says

@@ -33,7 +33,6 @@ from tasks.scenarios.least_torque import least_torque
 from tasks.scenarios.standing import Stance, standing_stack
 from tests.scenarios.test_faults import run
 from tests.scenarios.test_standing import needs_examples
-from wbc.errors import InvalidInput, UnknownRobot
 from wbc.sim.actuator_fault import ActuatorFault
 
 HUMANOID = wbc.load("humanoid", base="floating")
@@ -281,17 +280,6 @@ def test_a_row_is_written_in_millimetres_and_milliseconds() -> None:
     held = Held(np.array([0.01, -0.02, 0.0]), 0.5, 0.3)
     row = fault_family.Row("knee", 4, 3, 4, 1, [0.5], delay=3e-3, error=2e-3, held=held, enough=True).as_dict()
     assert (row["delay_ms"], row["com_rms_mm"], row["offset_mm"]) == (3.0, 2.0, [10.0, -20.0, 0.0])
-
-
-def test_family_parameters_that_make_no_sense_are_refused_before_the_first_tick() -> None:
-    with pytest.raises(UnknownRobot, match="talos"):
-        run("fault-family", "robot=talo")
-    with pytest.raises(InvalidInput, match="elbow"):
-        run("fault-family", "robot=humanoid", "joints=elbow")
-    with pytest.raises(InvalidInput, match="answer"):
-        run("fault-family", "robot=humanoid", "answer=maybe")
-    with pytest.raises(InvalidInput, match="first"):
-        run("humanoid-step", "robot=humanoid", "first=both")
 
 
 @pytest.mark.parametrize("robot, count", [("humanoid", 12), ("quadruped", 12)])

@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 
 from tests.scenarios.test_standing import failed, needs_examples, run
-from wbc.errors import UnknownRobot
 
 pytestmark = pytest.mark.physics
 
@@ -33,8 +32,3 @@ def test_a_quadruped_stands_on_them_from_the_first_ticks() -> None:
 @pytest.mark.parametrize("robot", ["panda", "go2", "g1", "talos", "humanoid"])
 def test_real_robots_do_too(robot: str) -> None:
     assert not failed(run("position-drives", f"robot={robot}"))
-
-
-def test_a_robot_that_nobody_knows_how_to_hold_is_refused() -> None:
-    with pytest.raises(UnknownRobot, match="position-drives knows what these can do"):
-        run("position-drives", "robot=pr2")

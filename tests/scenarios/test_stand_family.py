@@ -7,7 +7,6 @@ import pytest
 from tasks.scenarios.stand_family import LOAD, PUSH, STANCES
 from tests.scenarios.test_faults import run
 from tests.scenarios.test_standing import needs_examples
-from wbc.errors import InvalidInput, UnknownRobot
 
 
 @pytest.mark.physics
@@ -43,14 +42,3 @@ def test_our_humanoid_bears_its_usual_load_in_either_hand() -> None:
     left, right = result.figures["rows"]
     assert [left["what"], right["what"]] == ["load in left_hand", "load in right_hand"]
     assert left["most_mm"] == pytest.approx(right["most_mm"], rel=0.1)
-
-
-def test_parameters_that_make_no_sense_are_refused_before_the_first_tick() -> None:
-    with pytest.raises(UnknownRobot, match="talos"):
-        run("stand-family", "robot=talo")
-    with pytest.raises(InvalidInput, match=r"come at 1\.2 s"):
-        run("stand-family", "robot=quadruped", duration=1.2)
-    with pytest.raises(InvalidInput, match="nothing"):
-        run("stand-family", "robot=quadruped", "push=0")
-    with pytest.raises(InvalidInput, match="load"):
-        run("stand-family", "robot=humanoid", "load=heavy")

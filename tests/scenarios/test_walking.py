@@ -19,7 +19,6 @@ from tasks.scenarios.judge import stance_slid
 from tasks.scenarios.quadruped_trot import LANDING, SWING, swinging, swings, timeline
 from tasks.scenarios.walking import Gait, walk
 from tests.scenarios.test_standing import failed, needs_examples, run
-from wbc.errors import InvalidInput, UnknownRobot
 from wbc.report import measure
 from wbc.sim.scenario import Parameters, ScenarioResult, Settings, Trial
 
@@ -146,10 +145,3 @@ def test_every_target_of_a_walk_goes_on_where_it_was(
     assert way.steps[-1].position[0] - HUMANOID.state().frame(way.steps[-1].frame).position[0] == pytest.approx(
         steps * length
     )
-
-
-def test_what_a_walk_cannot_be_is_refused() -> None:
-    with pytest.raises(UnknownRobot, match="talos"):
-        run("humanoid-step", "robot=talo")
-    with pytest.raises(InvalidInput, match="steps"):
-        run("humanoid-step", "robot=humanoid", "steps=0")

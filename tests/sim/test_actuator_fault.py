@@ -7,11 +7,10 @@ import pytest
 
 import wbc
 from tasks import Posture
-from wbc.errors import InvalidInput, NotSupported, UnknownJoint
 from wbc.models import Planar4P
 from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.disturbance import Delay
-from wbc.sim.plant import Delivered, ForwardDynamicsPlant, IntegratorPlant
+from wbc.sim.plant import Delivered, ForwardDynamicsPlant
 from wbc.sim.simulate import simulate
 
 WANTED = Delivered(np.array([5.0, -2.0, 1.0, 3.0]), np.ones(4), np.zeros(4), np.full(4, 2.0))
@@ -45,7 +44,7 @@ def test_it_lasts_from_start_to_end_whatever_rounding_makes_of_time():
     assert (late[0], late[-1], len(late)) == (0.3, 0.599, 300)
 
 
-def test_it_says_what_it_is_and_refuses_what_makes_no_sense():
+def test_it_says_what_it_is():
     assert str(ActuatorFault(joint="q1", effectiveness=0.5, bias=1.0, end=2.0)) == (
         "actuator q1 delivers 50 % less 1 from 0 s to 2 s"
     )
@@ -53,25 +52,6 @@ def test_it_says_what_it_is_and_refuses_what_makes_no_sense():
         str(ActuatorFault(joint="q1", effectiveness=1.0, bias=-2.0, end=2.0))
         == "actuator q1 delivers 100 % plus 2 from 0 s to 2 s"
     )
-    for settings, said in (
-        ({"effectiveness": 1.2}, "effectiveness is 1.2; it must be between 0 and 1"),
-        ({"bias": np.nan}, "bias is nan"),
-        ({"start": 2.0, "end": 1.0}, "end is 1; it must be after start, 2"),
-        ({"end": "later"}, "end must be an array of numbers"),
-        ({"ceiling": None}, "ceiling must be an array of numbers"),
-        ({"ceiling": np.nan}, "ceiling is nan"),
-        ({"joint": 1}, "joint is 1; it must be text"),
-    ):
-        with pytest.raises(InvalidInput, match=said):
-            ActuatorFault(**{"joint": "q1", **settings})
-    with pytest.raises(UnknownJoint):
-        ActuatorFault(joint="q9").begin(ForwardDynamicsPlant(Planar4P()))
-
-
-@pytest.mark.parametrize("level", ["velocity", "acceleration"])
-def test_a_plant_that_takes_no_torques_has_no_actuator_to_lose(level: str):
-    with pytest.raises(NotSupported, match="no torques that could be lost"):
-        ActuatorFault(joint="q1").begin(IntegratorPlant(Planar4P(), level=level))
 
 
 @pytest.mark.parametrize("order", [1, -1])

@@ -101,13 +101,6 @@ def test_a_joint_without_torque_is_passive():
     np.testing.assert_array_equal(plant.data.qfrc_actuator != 0, tau_max > 0)
 
 
-def test_a_torque_limit_below_zero_is_refused():
-    arm = load("arm")
-    wrong = arm.replace(limits=replace(arm.limits, tau_max=np.full(arm.nj, -1.0)))
-    with pytest.raises(SimulationError, match="joint 'shoulder_yaw' has a torque limit of -1"):
-        MujocoPlant(wrong)
-
-
 @pytest.mark.parametrize("name", ["arm", "quadruped"])
 @pytest.mark.parametrize("moments", [(0.0, 0.0, 0.0), (1e-3, 1e-3, 5e-3)], ids=["none", "a disc too flat"])
 def test_inertias_that_the_engine_refuses_move_as_the_model_says(name, moments, tmp_path):

@@ -159,18 +159,6 @@ def test_an_actuator_that_makes_its_own_torque_cannot_lose_some_of_what_is_comma
         ActuatorFault(joint=ARM.joint_names[0]).begin(SOFT)
 
 
-@pytest.mark.parametrize(
-    ("settings", "text"),
-    [
-        ({"stiffness": -1.0}, "stiffness"), ({"damping": [1.0, np.nan]}, "damping"), ({"stiffness": "stiff"}, "stiff"),
-        ({"stiffness": [1.0, 2.0]}, "has 7 joints"), ({"damping": np.zeros((7, 1))}, "a number or"),
-    ],
-)  # fmt: skip
-def test_gains_that_make_no_sense_are_refused(settings: dict[str, Any], text: str) -> None:
-    with pytest.raises(InvalidInput, match=text):
-        PositionDrives(**settings).gains(ARM)
-
-
 def test_without_a_torque_limit_the_stiffness_must_be_given() -> None:
     limits = ARM.limits
     endless = ARM.replace(limits=type(limits)(**{**vars(limits), "tau_max": np.full(ARM.nj, np.inf)}))

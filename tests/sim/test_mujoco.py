@@ -14,11 +14,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import wbc
-from tasks import FrozenJoints, JointCoupling, Point, Position, Sinusoid, Sole
+from tasks import Point, Sinusoid, Sole
 from tasks.scenarios.humanoid_stand import STANCES
 from tasks.scenarios.quadruped_stand import STANCES as QUADRUPED_STANCES
 from tasks.scenarios.standing import standing_stack
-from wbc.errors import InvalidInput, NotSupported, SimulationError, UnknownFrame
+from wbc.errors import NotSupported, SimulationError
 from wbc.models import load
 from wbc.models.catalogue import OWN_ROBOTS
 from wbc.sim.engine import PhysicsSettings
@@ -126,15 +126,6 @@ def test_the_moment_of_a_sole_says_where_the_robot_stands(standing, stander):
         centres.append((anchor.position + anchor.rotation @ [*cop, 0.0])[:2])
         loads.append(f[2])
     np.testing.assert_allclose(np.average(centres, axis=0, weights=loads), state.com[:2], atol=5e-3)
-
-
-@pytest.mark.parametrize("name", [None, "tool"])  # also where the name is that of a frame
-@pytest.mark.parametrize("held", [
-    JointCoupling("elbow", to={"shoulder_pitch": -2.0}), FrozenJoints(["elbow"]), Position("tool", target=[0.4, 0, 0]),
-])  # fmt: skip
-def test_what_the_mechanism_holds_is_refused_as_such(held, name):
-    with pytest.raises(NotSupported, match="part of the mechanism"):
-        MujocoPlant(ARM, contacts=[held.with_reaction(name=name)])
 
 
 @settings(max_examples=5, deadline=None)
@@ -251,13 +242,6 @@ def test_a_payload_adds_the_inertia_of_a_point_mass_until_the_next_reset(command
     np.testing.assert_allclose(inertia(), bare + mass * J.T @ J, atol=1e-9)
     plant.reset(ARM.q0)
     np.testing.assert_array_equal(inertia(), bare)
-
-
-def test_frames_that_are_no_links_are_refused_by_name():
-    with pytest.raises(UnknownFrame, match="no frame 'trunc'; did you mean 'trunk'"):
-        MujocoPlant(QUADRUPED).push("trunc", np.ones(3))
-    with pytest.raises(InvalidInput, match="frame is None; it must be text"):
-        MujocoPlant(QUADRUPED).push(None, np.ones(3))
 
 
 def test_a_state_that_runs_away_is_an_error_not_a_new_beginning(command):

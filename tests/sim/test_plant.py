@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wbc.errors import InvalidInput, NotSupported, SimulationError
+from wbc.errors import SimulationError
 from wbc.models import load
 from wbc.sim.plant import ForwardDynamicsPlant, IntegratorPlant
 
@@ -95,37 +95,9 @@ def test_states_are_read_only_and_belong_to_their_moment(command):
         plant.q[0] = 1.0
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"q": np.zeros(3)}, r"q must have shape"),
-        ({"q": np.full(LEGS.nq, np.nan)}, r"q\[0\] is nan"),
-        ({"q": np.zeros(LEGS.nq)}, r"q\[3:7\] is a quaternion of length 0"),
-        ({"q": LEGS.q0, "v": np.zeros(3)}, r"v must have shape"),
-    ],
-)
-def test_a_start_that_makes_no_sense_is_refused(arguments, message):
-    with pytest.raises(InvalidInput, match=message):
-        IntegratorPlant(LEGS).reset(**arguments)
-
-
 def test_a_command_that_is_not_finite_never_moves_a_plant(command):
     for plant in (IntegratorPlant(ARM), IntegratorPlant(ARM, level="velocity"), ForwardDynamicsPlant(ARM)):
         nan = np.full(ARM.nv, np.nan)
         with pytest.raises(SimulationError, match=r"command\.\w+\[0\] is nan at t = 0"):
             plant.step(command(ARM, tau=nan, a=nan, v=nan))
         np.testing.assert_array_equal(plant.q, ARM.q0)
-
-
-def test_what_a_plant_cannot_do_it_says(command):
-    plant = IntegratorPlant(ARM)
-    with pytest.raises(NotSupported, match="IntegratorPlant knows no forces"):
-        plant.push("tool", np.ones(3))
-    with pytest.raises(NotSupported, match="cannot change its masses"):
-        plant.add_mass("tool", 1.0)
-    with pytest.raises(InvalidInput, match="level is 'torque'"):
-        IntegratorPlant(ARM, level="torque")
-    with pytest.raises(InvalidInput, match="dt is 0"):
-        IntegratorPlant(ARM, dt=0.0)
-    with pytest.raises(InvalidInput, match="substeps is 0"):
-        ForwardDynamicsPlant(ARM, substeps=0)

@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 from tasks import Damping, JointVelocityLimits, Position, Posture, TorqueLimits
 from wbc.control.controller import Controller
 from wbc.control.recorder import Run
-from wbc.errors import InvalidInput, NotSupported, SimulationError
+from wbc.errors import SimulationError
 from wbc.models import load
 from wbc.qp import QP
 from wbc.qp.conflict import conflict
@@ -203,23 +203,6 @@ def test_a_run_without_a_solved_tick_is_warned_about(waits):
     told = [str(one.message) for one in said if one.category is NoAnswer]
     assert len(told) == (not waits) and run.meta["failure"] is not None
     assert all("'Positon[tool]'" in one and "no tick of this run was solved" in one for one in told)
-
-
-def test_what_does_not_fit_together_is_refused_before_the_first_tick():
-    controller = reaching()
-    with pytest.raises(InvalidInput, match=r"ticks every 0\.001 s, the plant steps 0\.002 s"):
-        simulate(controller, IntegratorPlant(ARM, dt=2e-3), duration=1.0)
-    with pytest.raises(InvalidInput, match="the controller drives arm, the plant is quadruped"):
-        simulate(controller, IntegratorPlant(LEGS), duration=1.0)
-    with pytest.raises(InvalidInput, match="use IntegratorPlant\\(robot, level='velocity'\\)"):
-        simulate(controller, IntegratorPlant(ARM), duration=1.0)
-    plant = IntegratorPlant(ARM, level="velocity")
-    with pytest.raises(InvalidInput, match="shorter than one tick"):
-        simulate(controller, plant, duration=1e-4)
-    with pytest.raises(NotSupported, match="nothing can push 'tool'"):
-        simulate(controller, plant, duration=1.0, disturbances=[Push("tool", (1, 0, 0), 0, 1)])
-    with pytest.raises(InvalidInput, match=r"disturbances is Push\(.*; write disturbances=\[Push\(…\)\]"):
-        simulate(controller, plant, duration=1.0, disturbances=Push("tool", (1, 0, 0), 0, 1))  # type: ignore[arg-type]
 
 
 def test_linear_algebra_has_one_thread_while_it_runs_and_its_threads_back_after():

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 import wbc
-from tasks import CenterOfMass, ContactForce, Edge, JointCoupling, Orientation, Point, Posture, Sole
+from tasks import CenterOfMass, ContactForce, Orientation, Point, Posture
 from tests.stack.conftest import Saying, feet
-from wbc.errors import InvalidInput
 
 ROBOTS = {name: wbc.load(name) for name in ("humanoid", "quadruped")}
 HUMANOID = ROBOTS["humanoid"]
@@ -102,21 +101,3 @@ def test_bounds_count_where_forces_are_decided():
     stack = wbc.Stack([Posture(robot.q0)], contacts=contacts)
     command = wbc.Controller(robot, stack, level=wbc.VelocityLevel()).tick(0.0, robot.q0, np.zeros(robot.nv))
     assert command.status.ok
-
-
-@pytest.mark.parametrize(
-    ("make", "says"),
-    [
-        (
-            lambda: Sole("foot", half_size=(0.1, 0.1), friction=0.5, f_min=30.0, f_max=20.0),
-            "f_min is 30 N, above f_max",
-        ),
-        (lambda: Point("foot", friction=0.5, f_min=-1.0), r"f_min is -1; it must be >= 0"),
-        (lambda: Edge("foot", half_length=0.1, friction=0.5, f_max="much"), "f_max must be a number"),
-        (lambda: setattr(Point("foot", friction=0.5, f_min=30.0), "f_max", 20.0), "f_min is 30 N, above f_max, 20 N"),
-        (lambda: setattr(JointCoupling("a", to={"b": 1.0}).with_reaction(), "f_max", 1.0), "it pushes and pulls"),
-    ],
-)
-def test_bounds_that_leave_no_force_are_refused(make: Any, says: str):
-    with pytest.raises(InvalidInput, match=says):
-        make()

@@ -23,7 +23,6 @@ from tasks import (
 )
 from tests.families.legs import draw
 from tests.stack.conftest import feet, moving
-from wbc.errors import InvalidInput
 from wbc.methods import NullSpaceSaturation
 from wbc.models.pinocchio_ import PinocchioModel
 
@@ -331,12 +330,6 @@ def test_levels_remember_no_bound_of_the_tick_before(seed: int) -> None:
             for mine, other in zip(solver.report(), fresh.report(), strict=True):
                 assert mine.residual == pytest.approx(other.residual, rel=1e-6, abs=1e-6)
         q, v = command.q, command.v
-
-
-def test_a_budget_below_one_is_refused() -> None:
-    for kind in (wbc.Strict, wbc.Scaled):
-        with pytest.raises(InvalidInput, match="budget"):
-            kind(budget=0)
 
 
 def test_one_level_is_a_weighted_sum_under_every_hierarchy() -> None:

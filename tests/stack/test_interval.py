@@ -303,8 +303,3 @@ def test_a_bound_knows_the_quantity_it_comes_from(q: float, v: float, upper: boo
     intervals = JointIntervals(constraints, ARM, dt=1e-3)
     bound = bounds(intervals, "acceleration", np.full(ARM.nj, q), np.full(ARM.nj, v))[upper][3]
     assert intervals.cause(3, bound, upper=upper) == cause
-
-
-def test_dt_must_be_positive():
-    with pytest.raises(InvalidInput, match="dt is 0"):
-        JointIntervals([JointVelocityLimits()], ARM, dt=0.0)

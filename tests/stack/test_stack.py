@@ -32,24 +32,6 @@ def test_an_empty_stack_may_be_written():
     assert wbc.Stack([]).tasks == ()
 
 
-@pytest.mark.parametrize(
-    ("make", "said"),
-    [
-        (lambda: wbc.Stack([], contacts=3), r"contacts is 3; it must be a contact, such as .*, in a list"),  # type: ignore[arg-type]
-        (lambda: wbc.Stack([], contacts=["left_sole"]), r"contacts\[0\] is 'left_sole'; it must be a contact, such as"),
-        (lambda: wbc.Stack([], subject_to=[3]), r"subject_to\[0\] is 3; it must be a constraint, such as"),
-        (lambda: wbc.Stack([], components=[3]), r"components\[0\] is 3; it must be a component"),  # type: ignore[list-item]
-        (lambda: wbc.Stack([], components=[Damping()]), r"components\[0\] is Damping.*; it belongs in tasks$"),
-        (lambda: wbc.Stack([], subject_to=[Damping()]), r"it belongs in tasks; its exactly\(\) belongs here$"),  # type: ignore[list-item]
-        (lambda: wbc.Stack([], contacts=[Damping()]), r"it belongs in tasks; its with_reaction\(\) belongs here$"),  # type: ignore[list-item]
-        (lambda: wbc.Stack([JointVelocityLimits()]), r"belongs in subject_to; its softly\(\) belongs here$"),  # type: ignore[list-item]
-    ],
-)
-def test_what_stands_in_the_wrong_place_is_refused_by_its_place(make: Any, said: str):
-    with pytest.raises(InvalidInput, match=said):
-        make()
-
-
 def test_two_members_of_one_name_are_refused():
     with pytest.raises(
         InvalidInput, match=r"two members of the stack are called 'Position\[hand\]'; give one .* name="

@@ -96,21 +96,6 @@ def test_tolerances_count_on_both_sides():
 
 
 @pytest.mark.parametrize(
-    ("bounds", "said"),
-    [
-        ((0.1, -0.1), "row 0 is left nothing: lower 0.1, upper -0.1"),
-        ((0.0,), "row 0 is left nothing"),
-        (([0.1, 0.1],), r"lower must have shape \(3,\)"),
-        ((np.nan, 1.0), "lower.* is nan"),
-        ((-np.inf, np.inf), "has no finite bound"),
-    ],
-)
-def test_intervals_that_hold_nothing_are_refused(bounds: Any, said: str):
-    with pytest.raises(InvalidInput, match=said):
-        Position(TOOL, target=[0.3, 0.0, 0.5]).within(*bounds).prepare(ARM)
-
-
-@pytest.mark.parametrize(
     ("bounds", "which"),
     [
         (("abc",), "tolerance"), (([[1.0, 2.0], [3.0]],), "tolerance"), ((None,), "tolerance"), ((1j,), "tolerance"),

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 
 import wbc
 from tests.qp.lexicographic.hierarchies import random_hierarchy, recursion, residuals, stationarity
-from wbc.errors import InvalidProblem
 from wbc.qp.solvers.kept import INFINITY
 from wbc.types import Status
 
@@ -99,26 +98,6 @@ def test_the_stored_hierarchy_of_a_humanoid_is_solved_to_a_hundred_millionth() -
     assert np.linalg.norm(answer.x) < np.linalg.norm(known)  # among all that are as good, the shortest
 
 
-@pytest.mark.parametrize(
-    ("levels", "words"),
-    [
-        ([], "levels is empty"),
-        ([([[1.0, 0.0]], [1.0], [0.0])], "crossed"),
-        ([([[1.0, np.nan]], [0.0], [0.0])], r"levels\[0\].A"),
-        ([([[1.0, 0.0]], [0.0], [0.0]), ([[1.0]], [0.0], [0.0])], "has 1 columns"),
-        ([([[1.0, 0.0]], [0.0, 0.0], [0.0])], "lo"),
-    ],
-)
-def test_what_makes_no_sense_is_refused(levels, words: str) -> None:
-    with pytest.raises(InvalidProblem, match=words):
-        wbc.lexicographic(levels)
-
-
-def test_bounds_that_cross_are_refused() -> None:
-    with pytest.raises(InvalidProblem, match="crossed"):
-        wbc.lexicographic([([[1.0]], [0.0], [0.0])], lb=[1.0], ub=[0.0])
-
-
 @settings(max_examples=15)
 @given(seed=SEEDS)
 def test_the_hierarchies_of_daqp_leave_no_less_of_the_first_level_that_differs(seed: int) -> None:
@@ -134,18 +113,6 @@ def test_the_hierarchies_of_daqp_leave_no_less_of_the_first_level_that_differs(s
         assert more <= 1e-5, excess
         if abs(more) > 1e-8:
             break  # its levels are soft, not strict: what it lost here, those below gained
-
-
-@pytest.mark.parametrize(
-    "levels",
-    [
-        None, 3, "levels", [None], [3], [(1, 2)], [([[1.0]], [0.0])], ["abc"], [(np.zeros((0, 2)), [], [])],
-        [([[1.0]], [0.0], [0.0]), (np.zeros((0, 1)), [], [])], [([[10**400]], [0.0], [0.0])], [(None, None, None)],
-    ],
-)  # fmt: skip
-def test_what_is_no_hierarchy_is_refused_by_name(levels: object):
-    with pytest.raises(InvalidProblem):
-        wbc.lexicographic(levels)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("solver", ["pdas", "daqp", "proxqp", "osqp", "clarabel"])
