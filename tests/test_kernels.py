@@ -34,18 +34,3 @@ def test_what_runs_anyway_is_not_run_twice_and_numba_runs_once_for_any_processor
 def test_numba_runs_for_any_processor_also_where_nothing_is_known_of_openblas():
     (run,) = kernels.runs([], set())
     assert run.environment == kernels.GENERIC
-
-
-@pytest.mark.parametrize("failing", [None, 0, 1])
-def test_the_verdict_is_that_of_the_worst_run(monkeypatch: pytest.MonkeyPatch, failing: int | None):
-    todo = [kernels.Run("one"), kernels.Run("two")]
-    monkeypatch.setattr(kernels, "picked", lambda environment=None: {"Haswell"})
-    monkeypatch.setattr(kernels, "runs", lambda can, native: todo)
-    monkeypatch.setattr(kernels, "passed", lambda run, options: failing is None or run is not todo[failing])
-    assert kernels.main() == (0 if failing is None else 1)
-
-
-def test_options_are_passed_on_to_pytest(monkeypatch: pytest.MonkeyPatch):
-    run = kernels.Run("one", folders=("tests/test_kernels.py",))
-    assert kernels.passed(run, ["-k", "flags_of"])
-    assert not kernels.passed(run, ["-k", "no test has this name"])

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import ast
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from tests.calls import Calls, map_of, users
+from tests.calls import map_of
 from tests.mutations import ROOT, SOURCES, drawn, verdicts
 from tests.slips import slips
 
@@ -127,61 +126,7 @@ def test_slips_that_a_test_notices_are_told_from_those_that_none_does(project: P
     assert (project / "wbc" / "toy.py").read_text() == TOY
 
 
-def test_machine_code_of_a_slip_is_not_what_the_next_slip_is_judged_with(tmp_path: Path):
-    """A compiler that keeps the code of a caller does not see that what it calls has changed."""
-    kernel = "import numba\n\n@numba.njit(cache=True)\n"
-    inner, outer = "def half(x):\n    return 0.5 * x\n", "def lower(x):\n    return half(x) - 1.0\n"
-    toy = "def f(x):\n    return [lower(x), len('untested') + 1][0]\n"
-    sources = {
-        "wbc/__init__.py": "",
-        "wbc/compiled/__init__.py": "",
-        "wbc/compiled/inner.py": kernel + inner,
-        "wbc/compiled/outer.py": "from wbc.compiled.inner import half\n" + kernel + outer,
-        "wbc/toy.py": "from wbc.compiled.outer import lower\n\n" + toy,
-        "tests/test_toy.py": "from wbc.toy import f\n\ndef test_f():\n    assert f(6.0) == 2.0\n",
-        "pyproject.toml": "[tool.pytest.ini_options]\npythonpath = ['.']\n",
-    }
-    for name, text in sources.items():
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).write_text(text)
-    calls = map_of(tmp_path, tmp_path / "cache", jobs=1)
-    noticed, unnoticed = (
-        next(slip for slip in slips(name, sources[name]) if slip.old == old)
-        for name, old in (("wbc/compiled/inner.py", "0.5 * x"), ("wbc/toy.py", "len('untested') + 1"))
-    )
-    drawn_ = [unnoticed, noticed, unnoticed]
-    found = [said for _, said in verdicts(tmp_path, drawn_, calls, jobs=1, patience=60.0)]
-    assert [said.startswith("noticed") for said in found] == [False, True, False]
-
-
 def test_a_test_file_that_does_not_end_is_left_out(tmp_path: Path):
     (tmp_path / "tests").mkdir()
     (tmp_path / "tests" / "test_hangs.py").write_text("import time\n\ndef test_it():\n    time.sleep(600.0)\n")
     assert map_of(tmp_path, tmp_path / "calls", jobs=1, hung=2.0).files == {}
-
-
-def test_a_compiled_function_is_judged_by_the_tests_of_the_files_that_use_it(tmp_path: Path):
-    sources = {
-        "wbc/compiled/limit_kernel.py": "def plane(at):\n    return at\n\ndef share(at):\n    return at\n",
-        "wbc/compiled/fill_kernel.py": "from wbc.compiled.limit_kernel import share\n",
-        "wbc/plan.py": "from wbc.compiled.fill_kernel import fill\n",
-        "tasks/half_space.py": 'KERNEL = "limit.plane"\n',
-        "tasks/other.py": "",
-    }
-    for name, text in sources.items():
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).write_text(text)
-    kernel = "wbc/compiled/limit_kernel.py"
-    assert users(tmp_path, kernel, "plane") == ["tasks/half_space.py"]
-    assert users(tmp_path, kernel, "share") == ["wbc/plan.py"]
-
-    def entry(seconds: float, *called: str) -> dict[str, Any]:
-        return {"names": list(called), "seconds": seconds, "shared": [], "tests": {"it": (0.0, [*range(len(called))])}}
-
-    calls = Calls({
-        "tests/slow.py": entry(9.0, "tasks/half_space.py:HalfSpace.rows"),
-        "tests/class.py": entry(1.0, "tasks/half_space.py:HalfSpace"),
-        "tests/other.py": entry(1.0, "tasks/other.py:rows"),
-        "tests/folder.py": entry(1.0, "wbc/compiled/row_memory.py:write"),
-    }, tmp_path)  # fmt: skip
-    assert [file for file, _, _ in calls.plan(kernel, "plane", 100.0)] == ["tests/slow.py", "tests/folder.py"]
