@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -26,7 +25,6 @@ from tasks import (
     feet,
 )
 from wbc import AccelerationLevel, Controller, InverseDynamics, Stack, VelocityLevel
-from wbc.errors import InvalidInput
 from wbc.models.model import RobotState
 from wbc.stack.constraint import Barrier, BarrierRows
 from wbc.testing import robots
@@ -181,31 +179,6 @@ def test_a_polygon_is_the_hull_of_its_points_less_the_margin():
         (constraint._normals @ np.array(point) - constraint._offsets).min() for point in ([0.5, 0.5], [0.05, 0.5])
     )
     assert (middle, corner) == (pytest.approx(0.4), pytest.approx(-0.05))
-
-
-REFUSED: list[tuple[Callable[[], Any], str]] = [
-    (lambda: HalfSpaceLimit("tool", normal=[0, 0, 0], offset=0), "normal is a vector of length 0"),
-    (lambda: HalfSpaceLimit("tool", normal=[0, 0, 1], offset=np.nan), "offset is nan"),
-    (lambda: BoxLimits("tool"), "has no finite side"),
-    (lambda: BoxLimits("tool", lower=1.0, upper=[2.0, 0.5, 2.0]), "y is left no room: lower 1, upper 0.5"),
-    (lambda: ConeLimit("tool", apex=[0, 0, 0], axis=[0, 0, 1], angle=2.0), "angle is 2; it must be between 0 and"),
-    (lambda: ConeLimit("tool", apex=[0, 0], axis=[0, 0, 1], angle=0.5), "apex must have shape"),
-    (
-        lambda: AxisConeLimit("tool", axis=[0, 0, 1], direction=[0, 0, 0], angle=0.5),
-        "is a vector of length 0",
-    ),
-    (lambda: FrameVelocityLimits("tool"), "limits nothing; give linear= or angular="),
-    (lambda: FrameVelocityLimits("tool", linear=[1, -1, 1]), r"linear\[1\] is -1; a limit is positive"),
-    (lambda: SupportPolygon([[0, 0], [1, 1], [2, 2]]), "span no area"),
-    (lambda: SupportPolygon([[0, 0], [1, 0], [0, 1]], margin=1.0), "a margin of 1 m leaves nothing"),
-    (lambda: SupportPolygon([[0, 0], [1, 0]]), r"must have shape \(k, 2\) or \(k, 3\)"),
-]
-
-
-@pytest.mark.parametrize(("make", "said"), REFUSED)
-def test_limits_that_make_no_sense_are_refused(make: Callable[[], Any], said: str):
-    with pytest.raises(InvalidInput, match=said):
-        make()
 
 
 @pytest.mark.parametrize(("radius", "offset"), [(0.05, (0.3, 0.3, 0.0)), (0.1, (0.2, 0.1, 0.0))])

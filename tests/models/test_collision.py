@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wbc.errors import InvalidInput, UnknownName
+from wbc.errors import InvalidInput
 from wbc.models import load
 from wbc.models.collision import Distances, Obstacle
 from wbc.models.geometry import Box, Cylinder, Mesh, Sphere
@@ -423,19 +423,3 @@ def test_a_mesh_without_volume_is_refused_by_its_name(tmp_path: Path):
     flat = as_stl(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]), tmp_path / "flat.stl")
     with pytest.raises(InvalidInput, match=r"flat.stl has no convex hull"):
         Distances(ARM, obstacles=[Obstacle("thing", flat, at(0.5, 0, 0))])
-
-
-@pytest.mark.parametrize(
-    ("arguments", "error", "said"),
-    [
-        ({"pairs": [("base", "hand")]}, UnknownName, "there is no link or obstacle 'hand'"),
-        ({"obstacles": [ball("forearm")]}, InvalidInput, "obstacle 'forearm' has the name of a link"),
-        ({"obstacles": [ball(), ball()]}, InvalidInput, "obstacle 'ball' has the name of another"),
-        ({"self_collision": False}, InvalidInput, "no pair of shapes is left"),
-        ({"reach": 0.0}, InvalidInput, "reach is 0"),
-        ({"count": 0}, InvalidInput, "count is 0"),
-    ],
-)
-def test_what_makes_no_sense_is_refused(arguments: dict[str, Any], error: type[Exception], said: str):
-    with pytest.raises(error, match=said):
-        Distances(ARM, **arguments)

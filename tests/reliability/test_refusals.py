@@ -18,6 +18,7 @@ import pytest
 
 import tasks as T
 import wbc
+import wbc.robots
 from wbc.control.watchdog import Watchdog
 from wbc.errors import (
     Infeasible,
@@ -55,8 +56,18 @@ from wbc.models.lagrange import Chain
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.qp import QP, solve
 from wbc.qp.problem import Row
-from wbc.qp.solvers import QpSolvers
-from wbc.robots import SENSORS, BaseEstimator, EstimatedBase, JointMap, MotorBoard, Ros2Control, UnitreeGo2
+from wbc.qp.solvers import Clarabel, Daqp, Osqp, Piqp, ProxQp, QpSolvers
+from wbc.robots import (
+    SENSORS,
+    BaseEstimator,
+    EstimatedBase,
+    JointMap,
+    Loop,
+    MotorBoard,
+    Ros2Control,
+    UnitreeGo2,
+)
+from wbc.robots.device import Order
 from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.disturbance import Delay, Payload, Push, SensorNoise
 from wbc.sim.drives import PositionDrives
@@ -77,6 +88,32 @@ FEET = list(QUADRUPED.feet)
 def controller(*tasks: Any, on: Any = ARM, level: Any = LEVEL, **settings: Any) -> wbc.Controller:
     names = {name: settings.pop(name) for name in ("subject_to", "contacts", "components") if name in settings}
     return wbc.Controller(on, wbc.Stack(list(tasks) or [T.Posture(on.q0)], **names), level=level, **settings)
+
+
+def physics(*given: Any, **settings: Any) -> MujocoPlant:
+    pytest.importorskip("mujoco", reason="the extra `sim`")
+    return MujocoPlant(*given, **settings)
+
+
+def ball(name: str) -> Obstacle:
+    return Obstacle(name, Sphere(0.1), pin.SE3.Identity())
+
+
+def board(**settings: Any) -> MotorBoard:
+    return MotorBoard(Ros2Control(ARM.joint_names, rate=500.0), physics(ARM), **settings)
+
+
+def loop(**settings: Any) -> Loop:
+    device = board()
+    return Loop(device, controller(level=TORQUE, dt=2e-3), **settings)
+
+
+def environment(**other: Any) -> object:
+    pytest.importorskip("gymnasium", reason='needs the extra "gym"')
+    driven, plant = controller(REACH, dt=2e-3), IntegratorPlant(ARM, level="velocity", dt=2e-3)
+    bounds = [(REACH, ZEROS, np.ones(3))]
+    given = {"plant": plant, "targets": bounds, "reward": lambda env: 0.0, "duration": 0.4} | other
+    return wbc.robots.TargetEnv(driven, given.pop("plant"), given.pop("targets"), **given)
 
 
 def with_base(norm: float) -> Any:
@@ -160,6 +197,12 @@ METHODS = (
     (lambda: WeightedTorque(EYE, [0.0, 0.0], [[1.0, 0.0]], [1.0]).closed_form("lq"), "form is 'lq'"),
 )  # fmt: skip
 MODELS = (
+    (lambda: Distances(ARM, pairs=[("base", "hand")]), "there is no link or obstacle 'hand'", UnknownName),
+    (lambda: Distances(ARM, obstacles=[ball("forearm")]), "obstacle 'forearm' has the name of a link"),
+    (lambda: Distances(ARM, obstacles=[ball("a"), ball("a")]), "obstacle 'a' has the name of another"),
+    (lambda: Distances(ARM, self_collision=False), "no pair of shapes is left"),
+    (lambda: Distances(ARM, reach=0.0), "reach is 0"),
+    (lambda: Distances(ARM, count=0), "count is 0"),
     (lambda: Distances(PR), "has no collision shapes", NotSupported),
     (lambda: Obstacle("thing", Sphere(0.1), [0, 0, 0]), "a pose is a pinocchio.SE3"),
     *((lambda thing=thing: load(thing), "a robot is loaded by name or path, or from a model of Pinocchio or MuJoCo")
@@ -254,6 +297,9 @@ PROBLEMS = (
     (lambda: QP(EYE, [0, 0], C=[[1, 1]], cl=[2], cu=[1], rows=[Row("friction[left_sole]", "fx - mu fz", "N")]),
      r"row friction\[left_sole\]: fx - mu fz are crossed: 2 > 1 N", InvalidProblem),
     *((lambda thing=thing: solve(thing), r"qp is .* it must be a wbc\.QP") for thing in (None, 3, "qp", ONE, object())),
+    *((lambda make=make, given=given: make(**given), next(iter(given))) for make, given in (
+        (Daqp, {"primal_tol": 0.0}), (Daqp, {"max_iter": 0}), (Daqp, {"eta_prox": -1.0}), (Daqp, {"eps_prox": np.nan}),
+        (ProxQp, {"eps_abs": np.nan}), (Piqp, {"eps_abs": -1.0}), (Osqp, {"max_iter": -5}), (Clarabel, {"tol": 0.0}))),
     (lambda: QpSolvers("higs"), "did you mean 'highs'", UnknownSolver),
 )  # fmt: skip
 ROBOTS = (
@@ -288,12 +334,30 @@ ROBOTS = (
     (lambda: JointMap(LEGS, SLOTS, SLOTS).position_from_device([0, 0, np.nan, 0]), r"p\[2\] is nan; it must be finite"),
     (lambda: JointMap(LEGS, SLOTS, SLOTS).position_to_device([0.0]), r"q must have shape \(4,\)"),
     (lambda: MotorBoard(Ros2Control(ARM.joint_names), IntegratorPlant(ARM)), "motors give torques"),
+    *((lambda given=given: board(**given), next(iter(given))) for given in (
+        {"delay": -1.0}, {"timeout": 0.0}, {"on_timeout": "fall"}, {"sensors": 0.1}, {"imu": ZEROS},
+        {"imu": np.ones((3, 3))}, {"imu": -np.eye(3)})),
+    *((lambda given=given: board(disturbances=[given]), "delay=, state_delay= and sensors=")
+      for given in (Delay(0.01), SensorNoise(position=0.1))),
+    *((lambda given=given: loop(**given), says) for given, says in (
+        ({"rate": 1000}, "give it dt"), ({"ramp": 0.0}, "ramp"), ({"at_end": "fall"}, "at_end"), ({"kp": -1.0}, "kp"),
+        *(({"hold_for": value}, "hold_for") for value in (-1.0, np.nan, "long")))),
+    *((lambda given=given: Order(ZEROS, **(dict.fromkeys(("dq", "tau", "kp", "kd"), ZEROS) | given)), next(iter(given)))
+      for given in ({"kp": -1.0}, {"tau": np.nan}, {"dq": [1.0, 2.0]}, {"weight": 1.5}, {"weight": "all"})),
+    *((lambda given=given: environment(**given), says) for given, says in (
+        ({"targets": []}, "at least one task"), ({"targets": [1]}, "targets"), ({"ticks": 0}, "ticks"),
+        ({"targets": [(T.Position("tool", target=ZEROS), ZEROS, np.ones(3))]}, "a task of the stack"),
+        ({"targets": [(REACH, ZEROS[:2], np.ones(3))]}, "low of targets"), ({"ticks": 2.5}, "ticks"),
+        ({"targets": [(REACH, np.ones(3), ZEROS)]}, "below its high"), ({"duration": 0.0}, "duration"),
+        ({"plant": IntegratorPlant(QUADRUPED, level="velocity", dt=2e-3)}, "the plant is"), ({"noise": -1.0}, "noise"),
+        ({"plant": IntegratorPlant(ARM, dt=2e-3)}, "takes acceleration"),
+        ({"plant": physics(ARM, dt=2e-3, drives=PositionDrives())}, "takes positions"))),
 )  # fmt: skip
 SIMULATION = (
-    (lambda: MujocoPlant(ARM.replace(limits=replace(ARM.limits, tau_max=np.full(7, -1.0)))), "a torque limit of -1",
+    (lambda: physics(ARM.replace(limits=replace(ARM.limits, tau_max=np.full(7, -1.0)))), "a torque limit of -1",
      SimulationError),
-    (lambda: MujocoPlant(QUADRUPED).push("trunc", np.ones(3)), "did you mean 'trunk'", UnknownFrame),
-    *((lambda told=told, name=name: MujocoPlant(ARM, contacts=[told.with_reaction(name=name)]), "part of the mechanism",
+    (lambda: physics(QUADRUPED).push("trunc", np.ones(3)), "did you mean 'trunk'", UnknownFrame),
+    *((lambda told=told, name=name: physics(ARM, contacts=[told.with_reaction(name=name)]), "part of the mechanism",
        NotSupported) for name in (None, "tool") for told in
       (T.JointCoupling("elbow", to={"shoulder_pitch": -2.0}), T.FrozenJoints(["elbow"]), REACH)),
     (lambda: Push("tool", (1, 0, 0), 0.0, 0.1).begin(IntegratorPlant(ARM)), "knows no forces", NotSupported),

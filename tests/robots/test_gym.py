@@ -115,42 +115,6 @@ def test_many_environments_are_stepped_by_the_vector_class():
     many.close()
 
 
-@pytest.mark.parametrize(
-    ("bad", "said"),
-    [
-        ({"targets": []}, "at least one task"),
-        ({"targets": [(Position("tool", target=[0.4, 0.0, 0.5]), LOW, HIGH)]}, "a task of the stack"),
-        ({"targets": [1]}, "targets"),
-        ({"ticks": 0}, "ticks"),
-        ({"ticks": 2.5}, "ticks"),
-        ({"plant": IntegratorPlant(wbc.load("so101"), level="velocity", dt=2e-3)}, "the plant is"),
-        ({"plant": IntegratorPlant(wbc.load("arm"), dt=2e-3)}, "takes acceleration"),
-        ({"duration": 0.0}, "duration"),
-        ({"noise": -1.0}, "noise"),
-    ],
-)
-def test_settings_that_make_no_sense_are_refused(bad: dict[str, Any], said: str):
-    with pytest.raises(InvalidInput, match=said):
-        reaching(**bad)
-
-
-def test_bounds_must_fit_the_target():
-    env = reaching()
-    task = env.targets[0]
-    for low, high, said in ((LOW[:2], HIGH, "low of targets"), (HIGH, LOW, "below its high")):
-        with pytest.raises(InvalidInput, match=said):
-            TargetEnv(env.controller, env.plant, [(task, low, high)], reward=distance)
-
-
-@pytest.mark.physics
-def test_drives_that_follow_positions_are_refused():
-    from wbc.sim.drives import PositionDrives
-    from wbc.sim.mujoco_ import MujocoPlant
-
-    with pytest.raises(InvalidInput, match="takes positions"):
-        reaching(plant=MujocoPlant(wbc.load("arm"), dt=2e-3, drives=PositionDrives()))
-
-
 def test_an_action_that_is_no_number_is_refused():
     env = reaching()
     env.reset(seed=0)

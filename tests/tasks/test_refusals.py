@@ -133,6 +133,18 @@ REFUSED: list[tuple[Callable[[], object], str] | tuple[Callable[[], object], str
     (lambda: T.Clearance("tool", plane=(ZEROS, 0)), "length 0"),
     (lambda: built(T.ProjectedGradient(T.Manipulability("toll")), level=VELOCITY), "did you mean 'tool'", UnknownFrame),
     (lambda: built(T.ProjectedGradient(T.Clearance("toll", point=ZEROS)), level=VELOCITY), "mean 'tool'", UnknownFrame),
+    # Limits on frames.
+    (lambda: T.HalfSpaceLimit("tool", normal=ZEROS, offset=0), "normal is a vector of length 0"),
+    (lambda: T.BoxLimits("tool"), "has no finite side"),
+    (lambda: T.BoxLimits("tool", lower=1.0, upper=[2.0, 0.5, 2.0]), "y is left no room: lower 1, upper 0.5"),
+    (lambda: T.ConeLimit("tool", apex=ZEROS, axis=[0, 0, 1], angle=2.0), "angle is 2; it must be between 0 and"),
+    (lambda: T.ConeLimit("tool", apex=[0, 0], axis=[0, 0, 1], angle=0.5), "apex must have shape"),
+    (lambda: T.AxisConeLimit("tool", axis=[0, 0, 1], direction=ZEROS, angle=0.5), "is a vector of length 0"),
+    (lambda: T.FrameVelocityLimits("tool"), "limits nothing; give linear= or angular="),
+    (lambda: T.FrameVelocityLimits("tool", linear=[1, -1, 1]), r"linear\[1\] is -1; a limit is positive"),
+    (lambda: T.SupportPolygon([[0, 0], [1, 1], [2, 2]]), "span no area"),
+    (lambda: T.SupportPolygon([[0, 0], [1, 0], [0, 1]], margin=1.0), "a margin of 1 m leaves nothing"),
+    (lambda: T.SupportPolygon([[0, 0], [1, 0]]), r"must have shape \(k, 2\) or \(k, 3\)"),
     # Trajectories.
     (lambda: T.Sinusoid([0.0] * 3, amplitude=[0.1] * 2, frequency=1.0), r"^Sinusoid.amplitude must have shape"),
     (lambda: T.MinimumJerk([0.0], [1.0, 2.0], duration=1.0), r"end must have shape \(1,\)"),
