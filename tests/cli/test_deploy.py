@@ -14,12 +14,3 @@ def test_a_dry_check_of_an_arm_finds_nothing(wbc):
     told = json.loads(answer.out)
     assert answer.code == 0 and told["ok"] and told["dry"] and told["findings"] == []
     assert told["figures"]["rate"] == pytest.approx(1000.0, rel=0.05)
-
-
-@pytest.mark.parametrize(
-    ("words", "sentence"),
-    [(("quadrupde", "--check"), "did you mean 'quadruped'?"), (("arm",), "wbc deploy arm --check")],
-)
-def test_what_makes_no_sense_is_one_sentence(wbc, words: tuple[str, ...], sentence: str):
-    answer = wbc("deploy", *words)
-    assert answer.code == 2 and sentence in answer.err and answer.out == ""

@@ -38,22 +38,6 @@ def test_latex_is_a_document(wbc):
     assert r"\tau_{1} = " in answer.out
 
 
-@pytest.mark.parametrize(
-    ("word", "complaint"),
-    [
-        ("XR", "at 'XR'"),
-        ("PxQ", "at 'Q'"),
-        ("", "no joint"),
-        ("RRRRRRR", "7 joints; it must have 1 to 6"),
-        ("5p", "at '5p'"),
-    ],
-)
-def test_what_is_no_chain_is_one_sentence_and_exit_code_2(wbc, word, complaint):
-    answer = wbc("derive", word)
-    assert answer.code == 2 and not answer.out
-    assert answer.err.startswith("wbc: ") and answer.err.count("\n") == 1 and complaint in answer.err
-
-
 def test_a_missing_chain_is_one_sentence_too(wbc):
     answer = wbc("derive")
     assert answer.code == 2 and answer.err.count("\n") == 1

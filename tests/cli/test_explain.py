@@ -54,15 +54,3 @@ def test_a_problem_without_active_rows_says_so(wbc, tmp_path):
     QP(np.eye(2), [-1.0, 0.0], C=[[1.0, 0.0]], cu=[2.0]).save(tmp_path / "qp.npz")
     answer = wbc("explain", "qp.npz")
     assert answer.code == 0 and answer.out.strip().endswith("No row is active.")
-
-
-def test_what_is_not_such_a_file_is_one_sentence(wbc, tmp_path):
-    (tmp_path / "notes.npz").write_text("not a QP")
-    for words, said in (
-        (["explain", "nowhere.npz"], "nowhere.npz"),
-        (["explain", "notes.npz"], "notes.npz"),
-        (["explain", "notes.npz", "--solver", "dapq"], "did you mean 'daqp'"),
-    ):
-        answer = wbc(*words)
-        assert answer.code == 2 and answer.out == ""
-        assert said in answer.err and answer.err.count("\n") == 1

@@ -36,33 +36,3 @@ def test_all_files_are_written_or_none(wbc, recorded: Path, tmp_path: Path, monk
     answer = wbc("export", recorded, "--mcap", "run.mcap", "--rerun", "nowhere/run.rrd")
     assert answer.code == 2 and "nowhere/run.rrd cannot be written" in answer.err and "exporting" not in answer.err
     assert {path.name for path in tmp_path.iterdir()} == {"run"}
-
-
-@pytest.mark.parametrize(
-    ("words", "about"),
-    [
-        ((), "--gif"),
-        (("--gif", "run.webp"), "must end in .gif"),
-        (("--gif", "run.gif", "--camera", "1"), "azimuth"),
-        *(
-            (("--gif", "run.gif", "--size", size), f"--size {size}: give width and height")
-            for size in (
-                "640",
-                "640x",
-                "x480",
-                "640x480x3",
-                "640*480",
-                "a x b",
-                "-1x5",
-                "6e2x4e2",
-                "640.5x480",
-            )
-        ),
-        (("--gif", "run.gif", "--robot", "humanoid"), "other joints"),
-        (("--mcap", "nowhere/run.mcap"), "cannot be written"),
-    ],
-)
-def test_what_makes_no_sense_is_one_sentence(wbc, recorded: Path, tmp_path: Path, words, about):
-    answer = wbc("export", recorded, *words)
-    assert answer.code == 2 and about in answer.err and answer.err.count("\n") == 1 and not answer.out
-    assert {path.name for path in tmp_path.iterdir()} == {"run"}

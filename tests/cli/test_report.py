@@ -39,34 +39,6 @@ def test_a_folder_of_problems_becomes_a_report_and_the_report_again(wbc, problem
     assert (tmp_path / "again" / "report.md").read_bytes() == (tmp_path / "report" / "report.md").read_bytes()
 
 
-@pytest.mark.parametrize(
-    ("words", "about"),
-    [
-        (("report", "solvers"), "give a scenario"),
-        (("report", "solvers", "nowhere"), "nowhere"),
-        (("report", "solvers", "--resume"), "--out"),
-        (("report", "solvers", "--resume", "--out", "r"), "no unfinished comparison"),
-        (("report", "solvers", "problems", "--solver", "no"), "no"),
-        (("report", "solvers", "problems", "--set", "push=1"), "parameter of a scenario"),
-        (("report", "solvers", "arm-reach", "--set", "pish=1"), "pish"),
-        (("report", "solvers", "--from", "problems"), "data.json"),
-        (("compare", "problems", "nowhere"), "is not the folder of a run"),
-        (("compare", "problems"), "is not the folder of a run"),
-        (("sweep",), "give a scenario"),
-        (("sweep", FLIP, "--vary", "bias"), "LOW:HIGH"),
-        (("sweep", FLIP, "--vary", "pias=0:1"), "pias"),
-        (("sweep", FLIP, "--push", "torso"), "FRAME=LOW:HIGH"),
-        (("sweep", FLIP, "--solver", "no"), "no"),
-        (("sweep", "--resume"), "--out"),
-        (("sweep", "--repeat", "3", "--out", "nowhere"), "nowhere"),
-    ],
-)
-def test_what_makes_no_sense_is_one_sentence(wbc, problems: Path, tmp_path: Path, words, about):
-    answer = wbc(*words)
-    assert answer.code == 2 and about in answer.err and answer.err.count("\n") == 1 and not answer.out
-    assert {path.name for path in tmp_path.iterdir()} <= {"problems"}
-
-
 @pytest.mark.parametrize("own", [False, True])
 def test_an_interrupt_says_how_to_go_on_and_that_goes_on(wbc, problems: Path, own: bool, monkeypatch):
     """A scenario that is Python code has to be named again."""

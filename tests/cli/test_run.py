@@ -68,49 +68,6 @@ def test_json_is_one_object_with_nothing_around_it(wbc, waving, tmp_path):
     assert "a scenario that chatters" in answer.err
 
 
-SENTENCES = {
-    "no such scenario": (["run", "humanoid-stnad"], "there is no scenario 'humanoid-stnad'"),
-    "no such file": (["run", "nowhere.py:wave"], "there is no file 'nowhere.py'"),
-    "no such module": (["run", "nowhere_at_all:wave"], "'nowhere_at_all' cannot be imported: ModuleNotFoundError"),
-    "no such name in the file": (["run", "{file}:wavy"], "there is no scenario 'wavy'; did you mean 'wave'"),
-    "something else in the file": (["run", "{file}:not_a_scenario"], "not_a_scenario is a int, not a"),
-    "no such solver": (["run", "{file}:wave", "--solver", "pdass"], "there is no solver 'pdass'; did you mean 'pdas'"),
-    "no such plant": (["run", "{file}:wave", "--plant", "moon"], "paper (the plants of the scenario 'wave')"),
-    "no such hierarchy": (["run", "{file}:wave", "--hierarchy", "strictly"], "of the scenario 'wave')"),
-    "no such robot": (
-        ["run", "{file}:wave", "--set", "robot=humanoyd"],
-        "no robot 'humanoyd'; did you mean 'humanoid'",
-    ),
-    "no such parameter": (["run", "{file}:wave", "--set", "amplitud=1"], "no parameter 'amplitud'; did you mean"),
-    "no value": (["run", "{file}:wave", "--set", "amplitude"], "--set 'amplitude' must be key=value"),
-    "not a number": (["run", "{file}:wave", "--set", "amplitude=big"], "parameter 'amplitude' must be a number"),
-    "not a whole number": (
-        ["run", "{file}:wave", "--set", "waves=1.5"],
-        "parameter 'waves' is '1.5'; it must be a whole",
-    ),
-    "not yes or no": (
-        ["run", "{file}:wave", "--set", "good=perhaps"],
-        "it must be one of true, yes, on, 1, false, no, off, 0",
-    ),
-    "too few numbers": (["run", "{file}:wave", "--set", "axis=1,2"], "parameter 'axis' must have shape (3,), not (2,)"),
-    "no time": (["run", "{file}:wave", "--duration", "0"], "duration is 0; it must be > 0"),
-    "not a time": (["run", "{file}:wave", "--duration", "long"], "Invalid value for '--duration'"),
-    "no such option": (["run", "{file}:wave", "--sovler", "pdas"], "No such option: --sovler"),
-    "no such verb": (["rum"], "No such command 'rum'"),
-}
-
-
-@pytest.mark.parametrize("words", [pytest.param(words, id=name) for name, words in SENTENCES.items()])
-def test_bad_input_is_one_sentence_and_exit_code_2(wbc, waving, tmp_path, words):
-    command, sentence = words
-    answer = wbc(*(word.format(file=waving.rpartition(":")[0]) for word in command))
-    assert answer.code == 2
-    assert answer.out == ""
-    said = [line for line in answer.err.splitlines() if line != "a scenario that chatters"]
-    assert len(said) == 1 and said[0].startswith("wbc: ") and sentence in said[0]
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_a_malformed_urdf_is_one_sentence_that_names_the_file(wbc, waving, tmp_path):
     (tmp_path / "bad.urdf").write_text("<robot name='x'><link name='a'></robot>")
     answer = wbc("run", waving, "--set", f"robot={tmp_path / 'bad.urdf'}")

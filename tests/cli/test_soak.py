@@ -25,15 +25,3 @@ def test_where_nothing_is_registered_there_is_no_verdict(wbc, monkeypatch):
     monkeypatch.setattr("wbc.plugins.entry_points", lambda group: ())
     answer = wbc("soak")
     assert answer.code == 2 and answer.out == "" and "no soak is registered" in answer.err
-
-
-def test_what_is_not_known_is_one_sentence(wbc):
-    for words, said in (
-        (["soak", "arm-speed"], "there is no scenario 'arm-speed'"),
-        (["soak", "tasks:Posture"], "not a wbc.sim.scenario.Scenario"),
-        (["soak", "arm-velocity", "--kind", "salt"], "valid, fuzz, starts"),
-        (["soak", "arm-velocity", "--solver", "dapq"], "did you mean 'daqp'"),
-        (["soak", "arm-velocity", "--seed", "-1"], "seed is -1; it must be a whole number"),
-    ):
-        answer = wbc(*words)
-        assert answer.code == 2 and answer.out == "" and said in answer.err
