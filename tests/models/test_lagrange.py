@@ -54,20 +54,6 @@ def test_links_that_cannot_turn_have_neither_offset_nor_inertia():
 
 
 # ---- exact, in symbols
-@chains
-def test_the_kinetic_energy_is_the_sum_over_links_and_a_quadratic_form(word: str):
-    """Property 30. T = ½ q̇ᵀ M q̇ is the sum of ½ m |ṗ|² + ½ I ω², M is symmetric and g = ∂U/∂q."""
-    d = derive(word)
-    v = sp.Matrix(d.v)
-    energy = sum(
-        d.parameters[f"m{i}"] * d.rate(com).dot(d.rate(com)) / 2
-        + d.parameters.get(f"I{i}", 0) * d.rate(sp.Matrix([angle]))[0] ** 2 / 2
-        for i, (com, angle) in enumerate(zip(d.com, d.angles, strict=True), start=1)
-    )
-    assert canonical(energy - (v.T * d.M * v)[0] / 2) == 0
-    assert canonical(sum(d.T_links) - d.T) == 0
-    assert d.M == d.M.T
-    assert is_zero(d.g - sp.Matrix([sum(d.U_links)]).jacobian(d.q).T)
 
 
 @chains
@@ -79,17 +65,6 @@ def test_the_rate_of_M_minus_two_S_is_skew(word: str):
     assert is_zero(d.S * sp.Matrix(d.v) - d.c)
     k = sp.Symbol("k")
     assert is_zero(d.c.xreplace({v: k * v for v in d.v}) - k**2 * d.c)
-
-
-@chains
-def test_the_forces_are_those_of_the_lagrangian(word: str):
-    """d/dt ∂L/∂q̇ − ∂L/∂q = M q̈ + c + g, by differentiating T − U along a motion."""
-    d = derive(word)
-    lagrangian = d.T - d.U
-    slope = sp.Matrix([sp.diff(lagrangian, v) for v in d.v])
-    rate = d.rate(slope) + slope.jacobian(d.v) * sp.Matrix(d.a)
-    along = sp.Matrix([sp.diff(lagrangian, q) for q in d.q])
-    assert is_zero(rate - along - (d.M * sp.Matrix(d.a) + d.c + d.g))
 
 
 @chains
@@ -146,58 +121,6 @@ def test_no_parametrisation_is_smaller(word: str):
         without = np.delete(stacked, column, axis=1)
         _, residual, _, _ = np.linalg.lstsq(without, forces, rcond=None)
         assert residual[0] > 1e-6 * (forces @ forces)
-
-
-def test_the_pr_robot_has_the_model_of_the_textbook():
-    d = derive("PR")
-    (_, q2), (v1, v2) = d.q, d.v
-    m1, m2, length, offset, inertia = (d.parameters[name] for name in ("m1", "m2", "l2", "d2", "I2"))
-    s, c, g0 = sp.sin(q2), sp.cos(q2), d.g0
-    first, second = m2 * offset, inertia + m2 * offset**2
-    assert d.M == sp.Matrix([[m1 + m2, -first * s], [-first * s, second]])
-    assert is_zero(d.c - sp.Matrix([-first * c * v2**2, 0]))
-    assert is_zero(d.g - sp.Matrix([0, first * g0 * c]))
-    assert is_zero(d.S - sp.Matrix([[0, -first * c * v2], [0, 0]]))
-    assert d.J == sp.Matrix([[1, -length * s], [0, length * c]])
-    assert is_zero(d.Jdot_v - sp.Matrix([-length * c * v2**2, -length * s * v2**2]))
-    assert is_zero(d.momentum - sp.Matrix([(m1 + m2) * v1 - first * s * v2, -first * s * v1 + second * v2]))
-    assert is_zero(d.beta - sp.Matrix([0, first * c * (v1 * v2 + g0)]))
-    assert canonical(d.U - first * g0 * s) == 0
-    assert list(d.coefficients) == [m1 + m2, sp.expand(second), first]
-
-
-def test_the_pr_robot_has_an_inertia_for_every_angle_when_the_worst_angle_has():
-    """Property 56. det M = (m1 + m2)(I2 + m2 d2²) − m2² d2² sin² q2."""
-    d = derive("PR")
-    m1, m2, offset, inertia = (d.parameters[name] for name in ("m1", "m2", "d2", "I2"))
-    expected = (m1 + m2) * (inertia + m2 * offset**2) - (m2 * offset * sp.sin(d.q[1])) ** 2
-    assert canonical(d.M.det() - expected) == 0
-
-
-def test_the_four_prismatic_joints_have_a_constant_model():
-    """Property 30. M is constant, so Ṁ, S and c are zero; det M is the product of four sums of masses."""
-    d = derive("PxPyPxPy")
-    m1, m2, m3, m4 = d.parameters.values()
-    assert d.M == sp.Matrix([
-        [m1 + m2 + m3 + m4, 0, m3 + m4, 0],
-        [0, m2 + m3 + m4, 0, m4],
-        [m3 + m4, 0, m3 + m4, 0],
-        [0, m4, 0, m4],
-    ])  # fmt: skip
-    assert is_zero(d.rate(d.M)) and is_zero(d.S) and is_zero(d.c)
-    assert is_zero(d.g - d.g0 * sp.Matrix([0, m2 + m3 + m4, 0, m4]))
-    assert sp.factor(d.M.det()) == (m1 + m2) * (m2 + m3) * (m3 + m4) * m4
-
-
-def test_the_end_effector_of_four_prismatic_joints_feels_the_last_two_links():
-    """Property 33. (J M⁻¹ Jᵀ)⁻¹ = diag(m3 + m4, m4), diag(2, 1) kg for unit masses, and only the last two joints move:
-    M⁻¹ Jᵀ M_r = (0, I)."""
-    d = derive("PxPyPxPy")
-    _, _, m3, m4 = masses = list(d.parameters.values())
-    assert d.cartesian_inertia == sp.diag(m3 + m4, m4)
-    assert d.cartesian_inertia.subs(dict.fromkeys(masses, 1)) == sp.diag(2, 1)
-    inverse = (d.M.inv() * d.J.T * d.cartesian_inertia).applyfunc(sp.simplify)
-    assert inverse == sp.Matrix([[0, 0], [0, 0], [1, 0], [0, 1]])
 
 
 def test_the_four_prismatic_joints_have_the_regressor_of_the_dynamic_coefficients():

@@ -111,24 +111,6 @@ def test_the_centroidal_momentum_is_that_of_the_whole_mass_and_of_the_velocity_s
 
 @robots
 @given(seed=seeds)
-def test_the_inertia_matrix_is_symmetric_and_positive(robot: RobotModel, seed: int):
-    M = at(robot, *somewhere(robot, seed)).M
-    assert np.array_equal(M, M.T)
-    assert np.linalg.eigvalsh(M)[0] > 0
-
-
-@robots
-@given(seed=seeds)
-def test_inertia_and_bias_are_the_recursive_dynamics(robot: RobotModel, seed: int):
-    q, v = somewhere(robot, seed)
-    a = np.random.default_rng(seed + 1).normal(size=robot.nv)
-    state, model = at(robot, q, v), robot.pinocchio
-    assert np.allclose(state.M @ a + state.h, pin.rnea(model, model.createData(), q, v, a), rtol=1e-10, atol=1e-9)
-    assert np.allclose(state.g, at(robot, q, 0 * v).h, rtol=1e-10, atol=1e-10)
-
-
-@robots
-@given(seed=seeds)
 def test_the_coriolis_matrix_gives_the_bias_and_the_rate_of_the_inertia_matrix(robot: RobotModel, seed: int):
     """Property 56."""
     q, v = somewhere(robot, seed)

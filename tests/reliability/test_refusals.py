@@ -215,7 +215,7 @@ MODELS = (
     (lambda: InertialRegressor(QUADRUPED), "quadruped has a floating base", NotSupported),
     (lambda: InertialRegressor(PR), "a regressor needs a robot from a URDF", NotSupported),
     *((lambda word=word: Chain.parse(word), says) for word, says in
-      (("", "no joint"), ("PQ", "at 'Q'"), ("Rx", "at 'x'"), ("P R", "at ' R'"), ("R" * 7, "7 joints"),
+      (("", "no joint"), ("PQ", "at 'Q'"), ("Rx", "at 'x'"), ("P R", "at ' R'"), ("R" * 7, "7 joints"), ("4", "at '4'"),
        (3, "not by int"))),
     (lambda: Chain(("R", "Pz")), r"joints\[1\] is 'Pz'"),
     (lambda: planar(I2="heavy"), "I2 must be a number, not 'heavy'"),
