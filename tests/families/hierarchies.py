@@ -20,7 +20,7 @@ from scipy.optimize import linprog
 from scipy.sparse import csc_matrix
 
 import wbc
-from tests.families.progress import command_of_problems
+from tests.families.progress import Answered, command_of_problems
 from wbc.qp import Solution
 
 inf = np.inf
@@ -207,22 +207,14 @@ def judge(p: Problem, answer: Solution, *, nearly: bool = False) -> str:
 # ---- running
 
 
-class Case(NamedTuple):
-    family: str
-    index: int
-    solver: str
-    status: str
-    wrong: str
-
-
-def cases(count: int, seed: int, solvers: list[str], *, first: int = 0) -> Iterator[Case]:
+def cases(count: int, seed: int, solvers: list[str], *, first: int = 0) -> Iterator[Answered]:
     """``count`` hierarchies from number ``first`` of this seed on, the families in turn, each on every solver."""
     for k in range(first, first + count):
         family, index = FAMILIES[k % len(FAMILIES)], k // len(FAMILIES)
         p = problem(family, seed, index)
         for solver in solvers:
             answer = wbc.lexicographic(p.levels, lb=p.lb, ub=p.ub, solver=solver)
-            yield Case(family.__name__, index, solver, answer.status.name,
+            yield Answered(family.__name__, index, solver, answer.status.name,
                        judge(p, answer, nearly=family is near_duplicates))  # fmt: skip
 
 

@@ -81,8 +81,18 @@ class Family(NamedTuple):
         sys.exit(1 if show(table) else 0)
 
 
+class Answered(NamedTuple):
+    """A problem of a family, the solver asked, its status, and what is wrong with the answer."""
+
+    family: str
+    index: int
+    solver: str
+    status: str
+    wrong: str
+
+
 def command_of_problems(
-    cases: Callable[..., Iterator[Any]], head: tuple[str, ...], about: str | None, *, count: int
+    cases: Callable[..., Iterator[Answered]], head: tuple[str, ...], about: str | None, *, count: int
 ) -> None:
     """The command line of families of problems: a table for each solver; the exit status is 1 where one is wrong."""
     parser = _parser(about, count)

@@ -20,7 +20,7 @@ from scipy.optimize import linprog, lsq_linear
 from scipy.sparse import csc_matrix
 
 import wbc
-from tests.families.progress import command_of_problems
+from tests.families.progress import Answered, command_of_problems
 from wbc.qp import QP, Solution
 from wbc.qp.solvers import by_name
 
@@ -376,17 +376,9 @@ def judge(p: dict[str, Any], answer: Solution, true: Truth) -> str:
 # ---- running
 
 
-class Case(NamedTuple):
-    family: str
-    index: int
-    solver: str
-    status: str
-    wrong: str
-
-
 def cases(
     count: int, seed: int, solvers: list[str], families: tuple[Draw, ...] = FAMILIES, *, first: int = 0
-) -> Iterator[Case]:
+) -> Iterator[Answered]:
     """``count`` problems from number ``first`` of this seed on, the families in turn, each on every solver."""
     settings = [by_name(name) for name in solvers]
     for k in range(first, first + count):
@@ -400,7 +392,7 @@ def cases(
             status = answer.status.name
             if status in ("FAILED", "INACCURATE", "MAX_ITERATIONS") and true.violation > 1e-9:
                 status = "THIN" if true.violation <= 10 * MET else status
-            yield Case(family.__name__, index, solver.name, status, judge(p, answer, true))
+            yield Answered(family.__name__, index, solver.name, status, judge(p, answer, true))
 
 
 HEAD = ("solved", "infeasible", "unbounded", "thin", "failed", "wrong")

@@ -15,7 +15,7 @@ import pytest
 import wbc
 from tasks import Posture, feet
 from tests.models.mjcf_oracle import compare
-from tests.scenarios.test_standing import needs_examples
+from tests.robots.examples import needs_examples
 from wbc.errors import InvalidInput, ModelError, PathRefused
 from wbc.models import load
 from wbc.models.catalogue import example_robots

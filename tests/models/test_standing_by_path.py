@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 import wbc
 from tasks import CenterOfMass, Orientation, Position, Posture, TorqueLimits, feet
-from tests.scenarios.test_standing import needs_examples
+from tests.robots.examples import needs_examples
 from wbc.errors import InvalidInput, ModelError, NotSupported, UnknownConfiguration, UnknownFrame, UnknownJoint
 from wbc.models import load
 from wbc.models.catalogue import OWN_ROBOTS, example_robots

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests.motion.artefacts import KINDS, Count, count
-from tests.scenarios.test_standing import needs_examples
+from tests.robots.examples import needs_examples
 
 
 def told(counts: dict[str, Count], each: int) -> tuple[float, float, float]:

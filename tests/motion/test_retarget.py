@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import wbc
-from tests.scenarios.test_standing import needs_examples
+from tests.robots.examples import needs_examples
 from wbc.errors import InvalidInput, UnknownMapping, UnknownName
 from wbc.models.along import velocities
 from wbc.models.catalogue import OWN_ROBOTS

@@ -15,8 +15,9 @@ from tasks.scenarios import SCENARIOS, arm_collision
 from tasks.scenarios.arm_actuator_loss import out_of_reach
 from tasks.scenarios.arm_collision import jacobian, moved_links
 from tasks.scenarios.arm_payload import heaviest
+from tests.robots.examples import needs_examples
 from tests.scenarios.test_faults import run
-from tests.scenarios.test_standing import failed, needs_examples
+from tests.scenarios.test_standing import failed
 from wbc.models.model import RobotState
 from wbc.report.document import Table
 from wbc.sim.actuator_fault import ActuatorFault

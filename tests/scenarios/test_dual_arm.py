@@ -7,7 +7,8 @@ import pytest
 
 import wbc
 from tasks import LoopClosure
-from tests.scenarios.test_standing import failed, needs_examples, run
+from tests.robots.examples import needs_examples
+from tests.scenarios.test_standing import failed, run
 from wbc.errors import NotSupported, UnknownFrame
 
 

@@ -12,7 +12,8 @@ import wbc
 from tasks import feet
 from tasks.scenarios import SCENARIOS
 from tasks.scenarios.least_torque import least_torque
-from tests.scenarios.test_standing import failed, needs_examples
+from tests.robots.examples import needs_examples
+from tests.scenarios.test_standing import failed
 from wbc.report.document import Plot
 from wbc.sim.scenario import ScenarioResult, Settings
 

@@ -31,8 +31,8 @@ from tasks.scenarios.held_sway import (
 from tasks.scenarios.humanoid_stand import STANCES
 from tasks.scenarios.least_torque import least_torque
 from tasks.scenarios.standing import Stance, standing_stack
+from tests.robots.examples import needs_examples
 from tests.scenarios.test_faults import run
-from tests.scenarios.test_standing import needs_examples
 from wbc.sim.actuator_fault import ActuatorFault
 
 HUMANOID = wbc.load("humanoid", base="floating")

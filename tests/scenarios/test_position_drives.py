@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from tests.scenarios.test_standing import failed, needs_examples, run
+from tests.robots.examples import needs_examples
+from tests.scenarios.test_standing import failed, run
 
 pytestmark = pytest.mark.physics
 

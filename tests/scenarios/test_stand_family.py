@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from tasks.scenarios.stand_family import LOAD, PUSH, STANCES
+from tests.robots.examples import needs_examples
 from tests.scenarios.test_faults import run
-from tests.scenarios.test_standing import needs_examples
 
 
 @pytest.mark.physics

@@ -13,20 +13,8 @@ from tasks.scenarios.arm_reach import TOOLS, tool
 from tasks.scenarios.humanoid_stand import HumanoidStand
 from tasks.scenarios.quadruped_stand import QuadrupedStand
 from tasks.scenarios.standing import Demand, joint_constraints
-from wbc.errors import ModelError
-from wbc.models.catalogue import example_robots
+from tests.robots.examples import needs_examples
 from wbc.sim.scenario import ScenarioResult, Settings
-
-
-def has_example_robots() -> bool:
-    try:
-        example_robots()
-    except ModelError:
-        return False
-    return True
-
-
-needs_examples = pytest.mark.skipif(not has_example_robots(), reason="pip install example-robot-data")
 
 
 def run(name: str, *settings: str, duration: float | None = None, plant: str | None = None) -> ScenarioResult:

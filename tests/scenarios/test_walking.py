@@ -18,7 +18,8 @@ from tasks.scenarios.humanoid_stand import STANCES
 from tasks.scenarios.judge import stance_slid
 from tasks.scenarios.quadruped_trot import LANDING, SWING, swinging, swings, timeline
 from tasks.scenarios.walking import Gait, walk
-from tests.scenarios.test_standing import failed, needs_examples, run
+from tests.robots.examples import needs_examples
+from tests.scenarios.test_standing import failed, run
 from wbc.report import measure
 from wbc.sim.scenario import Parameters, ScenarioResult, Settings, Trial
 

@@ -23,7 +23,7 @@ from tasks import (
     feet,
 )
 from tests.models.test_standing_by_path import example, quietly
-from tests.scenarios.test_standing import needs_examples
+from tests.robots.examples import needs_examples
 from wbc.models.catalogue import example_robots
 from wbc.models.pinocchio_ import Base, PinocchioModel
 
