@@ -273,11 +273,15 @@ CONTROL = (
         ((0.1, -0.1), "row 0 is left nothing: lower 0.1, upper -0.1"), ((0.0,), "row 0 is left nothing"),
         (([0.1, 0.1],), r"lower must have shape \(3,\)"), ((np.nan, 1.0), "lower.* is nan"),
         ((-np.inf, np.inf), "has no finite bound"))),
-    *((lambda place=place, given=given: wbc.Stack([], **{place: given}), says) for place, given, says in (
+    *((lambda place=place, given=given: wbc.Stack(**{"tasks": [], place: given}), says) for place, given, says in (
         ("contacts", 3, "contacts is 3; it must be a contact, such as .*, in a list"),
         ("contacts", ["left_sole"], r"contacts\[0\] is 'left_sole'; it must be a contact, such as"),
         ("subject_to", [3], r"subject_to\[0\] is 3; it must be a constraint, such as"),
-        ("components", [T.Damping()], r"components\[0\] is Damping"))),
+        ("components", [3], r"components\[0\] is 3; it must be a component"),
+        ("components", [T.Damping()], r"components\[0\] is Damping.*; it belongs in tasks$"),
+        ("subject_to", [T.Damping()], r"it belongs in tasks; its exactly\(\) belongs here$"),
+        ("contacts", [T.Damping()], r"it belongs in tasks; its with_reaction\(\) belongs here$"),
+        ("tasks", [T.JointVelocityLimits()], r"belongs in subject_to; its softly\(\) belongs here$"))),
 )  # fmt: skip
 PROBLEMS = (
     *((lambda levels=levels: wbc.lexicographic(levels), says, InvalidProblem) for levels, says in (
