@@ -11,6 +11,7 @@ import numpy as np
 import wbc
 from wbc.errors import InvalidInput
 from wbc.models.pinocchio_ import PinocchioModel
+from wbc.report import measure
 from wbc.report.document import Bound, Curve, Plot, Section, Table, Text
 from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.mujoco_ import MujocoPlant
@@ -57,8 +58,7 @@ class Seen:
     @property
     def rms(self) -> float:
         """Distance of the tool from its target, from a second after the fault on [m]."""
-        late = self.trial.error("Position")[self.trial.run["t"] > self.start + RECOVERY]
-        return float(np.sqrt(np.mean(late**2)))
+        return measure.rms(self.trial.error("Position")[self.trial.run["t"] > self.start + RECOVERY])
 
 
 @final

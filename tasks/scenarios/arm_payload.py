@@ -92,7 +92,7 @@ class ArmPayload(Scenario):
         done = {trial.name: trial for trial in trials}
         adapting, robot = done[ADAPTING], done[ADAPTING].robot
         errors = {name: _tool_error(robot, trial.run) for name, trial in done.items() if name != HALVED}
-        late = {name: float(np.sqrt(np.mean(error[-round(END / 1e-3) :] ** 2))) for name, error in errors.items()}
+        late = {name: measure.rms(error[-round(END / 1e-3) :]) for name, error in errors.items()}
         run, ratio = adapting.run, late[STUBBORN] / late[ADAPTING]
         peak = float(errors[ADAPTING][round(PICK / 1e-3) :].max())
         smallest = [one.run["signal.SlotineLi.smallest"] for name, one in done.items() if STUBBORN not in name]

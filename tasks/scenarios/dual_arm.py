@@ -107,7 +107,7 @@ class DualArm(Scenario):
             "bar_rms_m": bar["rms"],
             "grip_error_m": _grip_error(run, trial.robot, hands),
             "internal_force_error_N": float(error.max()),
-            "internal_force_rms_N": float(np.sqrt(np.mean(error**2))),
+            "internal_force_rms_N": measure.rms(error),
             "com_max_error_m": tracking["CenterOfMass"]["max"],
             "certified_share": judge.certified_share(run),
             "torque_use": float(measure.use(run)["torque"].max()),

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from wbc.errors import UnknownName
+from wbc.report import measure
 from wbc.robots import SENSORS, EstimatedBase
 from wbc.robots.device import rotation
 from wbc.sim.disturbance import Disturbance
@@ -65,7 +66,7 @@ def off_estimate(trial: Trial, parameters: Mapping[str, Any]) -> dict[str, float
     return {
         "estimate_drift_m": float(np.linalg.norm(run["q"][-1, :3] - run["plant.q"][-1, :3])),
         "estimate_heading_rad": float(turns[-1][2]),
-        "estimate_lean_rms_rad": float(np.sqrt((lean**2).sum(axis=1).mean())),
-        "estimate_velocity_rms_m_s": float(np.sqrt((velocity**2).sum(axis=1).mean())),
+        "estimate_lean_rms_rad": measure.rms(np.linalg.norm(lean, axis=1)),
+        "estimate_velocity_rms_m_s": measure.rms(np.linalg.norm(velocity, axis=1)),
         "estimate_com_max_m": max(off),
     }

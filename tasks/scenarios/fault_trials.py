@@ -181,7 +181,7 @@ class Outcome:
         """True error of the centre of mass from a second after the fault on, as far as the run goes [m]."""
         late = self.run["t"] > self.fault.start + RECOVERY
         chosen = self.error[late] if late.any() else self.error[self.run["t"] > self.fault.start]
-        return float(np.sqrt(np.mean(chosen**2)))
+        return measure.rms(chosen)
 
     @property
     def fate(self) -> str:

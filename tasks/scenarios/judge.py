@@ -120,8 +120,8 @@ def torque_step(run: Run, times: Iterable[float], *, within: float) -> float:
 def error_check(text: str, run: Run, task: str, bound: float, keep: NDArray[np.bool_]) -> Check:
     """That the rms of a task's error [m] over the ticks ``keep`` (N,) is below ``bound``. Its place: the worst tick."""
     error = np.where(keep, np.linalg.norm(run[f"error.{task}"], axis=1), 0.0)
-    rms = float(np.sqrt(np.mean(error[keep] ** 2))) if keep.any() else np.nan
-    return Check(text, rms, "<", bound, "m", measure.place(run, error, np.inf, plot=f"tracking.{task}"))
+    worst = measure.place(run, error, np.inf, plot=f"tracking.{task}")
+    return Check(text, measure.rms(error[keep]), "<", bound, "m", worst)
 
 
 def verdict(shown: Trial | Sequence[Trial], checks: Sequence[Check], **fields: Any) -> ScenarioResult:

@@ -82,7 +82,7 @@ class PositionControl(Scenario):
         for trial in done:
             late = measure.times(trial.run) >= min(SAGGED, 0.5 * p.settings.duration)
             error = _error(trial)[late]
-            rms[trial.name] = float(np.sqrt(np.mean(error**2))) if len(error) else np.inf
+            rms[trial.name] = measure.rms(error) if len(error) else np.inf
             largest[trial.name] = float(error.max(initial=0.0))
         run, stood = done[0].run, {trial.name: measure.seconds(trial.run) for trial in done}
         figures = {

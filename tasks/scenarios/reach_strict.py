@@ -8,7 +8,6 @@ from typing import Any, ClassVar, final
 import numpy as np
 
 import wbc
-from wbc.control.recorder import Run
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import measure
 from wbc.report.document import Cell, Section, Table, Text
@@ -55,19 +54,17 @@ class ReachStrict(Scenario):
             plant: Plant = standing_plant(robot, stance, held_by_damping(robot))
         else:
             plant = IntegratorPlant(robot, level="acceleration")
-        return Setup(
-            stack=_stack(robot, stance, p["reach"]), plant=plant, hierarchy=HIERARCHIES[p["hierarchy"]], about=stance
-        )
+        return Setup(stack=_stack(robot, stance, p["reach"]), plant=plant, hierarchy=HIERARCHIES[p["hierarchy"]])
 
     def judge(self, trials: Iterator[Trial], p: Parameters) -> ScenarioResult:
         done = list(trials)
         runs = {trial.name: trial.run for trial in done}
         conditions = {trial.name: float(np.linalg.cond(trial.controller.qp.H)) for trial in done}
-        run, stance = done[0].run, done[0].about
-        rms = {kind: _balance(each) for kind, each in runs.items()}
+        run = done[0].run
+        rms = {trial.name: measure.rms(trial.error("CenterOfMass")) for trial in done}
         figures = {
             "balance_rms_m": rms,
-            "hand_error_m": _hand(run, stance),
+            "hand_error_m": float(done[0].error("Position")[-1]),
             "stood_s": {kind: measure.seconds(each) for kind, each in runs.items()},
             "tick_us": {kind: measure.tick_times(each).median for kind, each in runs.items()},
             "condition": conditions,
@@ -76,7 +73,7 @@ class ReachStrict(Scenario):
         checks = [judge.stood_check(run, p.settings.duration), *judge.common_checks(run)]
         if p.settings.hierarchy == "strict":
             checks.insert(1, Check("error of the centre of mass, rms", rms["strict"], "<", 2e-3, "m"))
-        return judge.verdict(done, checks, figures=figures, sections=[_costs(done, conditions, stance)])
+        return judge.verdict(done, checks, figures=figures, sections=[_costs(done, conditions, rms)])
 
 
 def _stack(robot: PinocchioModel, stance: Stance, reach: float) -> wbc.Stack:
@@ -100,25 +97,12 @@ def _stack(robot: PinocchioModel, stance: Stance, reach: float) -> wbc.Stack:
     )
 
 
-def _balance(run: Run) -> float:
-    """Error of the centre of mass, rms [m]."""
-    return float(np.sqrt((run["error.CenterOfMass"] ** 2).sum(axis=1).mean()))
-
-
-def _hand(run: Run, stance: Stance) -> float:
-    """How far the hand is from its target at the end [m]."""
-    return float(np.linalg.norm(run[f"error.Position[{stance.hand}]"][-1]))
-
-
-def _costs(done: Sequence[Trial], conditions: Mapping[str, float], stance: Stance) -> Section:
+def _costs(done: Sequence[Trial], conditions: Mapping[str, float], rms: Mapping[str, float]) -> Section:
     """What the choice of the hierarchy costs and gives."""
     rows: list[list[Cell]] = []
     for trial in done:
-        kind, run = trial.name, trial.run
-        tick, balance = measure.tick_times(run), 1e3 * _balance(run)
-        rows.append([
-            kind, measure.seconds(run), balance, _hand(run, stance), conditions[kind], tick.median, tick.p99,
-        ])  # fmt: skip
+        kind, tick, hand = trial.name, measure.tick_times(trial.run), float(trial.error("Position")[-1])
+        rows.append([kind, measure.seconds(trial.run), 1e3 * rms[kind], hand, conditions[kind], tick.median, tick.p99])
     text = Text(
         "The same stack on the same robot. Strictly ranked, the hand gets what balance leaves it; added up by "
         "weights, the two share the error that neither can avoid; scaled, each goes its own way as far as it can. "

@@ -228,10 +228,7 @@ def _figures(result: ScenarioResult) -> dict[str, Cell]:
     for task in measure.tasks(run):
         for unit, error in measure.errors(run, task).items():
             norm = np.linalg.norm(error, axis=1)
-            found |= {
-                f"{task}, rms [{unit}]": float(np.sqrt(np.mean(norm**2))),
-                f"{task}, largest [{unit}]": norm.max(),
-            }
+            found |= {f"{task}, rms [{unit}]": measure.rms(norm), f"{task}, largest [{unit}]": norm.max()}
     slips = {name: measure.slip(run, name) for name in run.meta.get("contacts", {})}
     found |= {f"slip of {name} [m]": slip for name, slip in slips.items() if slip is not None}
     silent = run.meta.get("silent")

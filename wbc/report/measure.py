@@ -135,6 +135,11 @@ def errors(run: Run, task: str) -> dict[str, Vec]:
     return {unit: error[:, [i for i, u in enumerate(units) if u == unit]] for unit in dict.fromkeys(units)}
 
 
+def rms(values: Vec) -> float:
+    """Root of the mean of the squares; NaN of no values."""
+    return float(np.sqrt(np.mean(np.square(values)))) if np.size(values) else float("nan")
+
+
 def tracking(run: Run, *, keep: Flags | None = None) -> dict[str, dict[str, float]]:
     """{task: {"rms", "max"}} of the Euclidean norm of the error, over the rows ``keep`` (N,).
 
@@ -145,8 +150,7 @@ def tracking(run: Run, *, keep: Flags | None = None) -> dict[str, dict[str, floa
         for unit, error in errors(run, task).items():
             norm = np.linalg.norm(error if keep is None else error[keep], axis=1)
             name = f"{task} [{unit}]" if task in result else task
-            rms = float(np.sqrt(np.mean(norm**2))) if norm.size else float("nan")
-            result[name] = {"rms": rms, "max": float(norm.max(initial=0.0))}
+            result[name] = {"rms": rms(norm), "max": float(norm.max(initial=0.0))}
     return result
 
 

@@ -53,12 +53,12 @@ class Moved(NamedTuple):
     @property
     def command_rms(self) -> float:
         """Root of the mean square of the command's norm."""
-        return _rms(np.linalg.norm(self.command, axis=1))
+        return measure.rms(np.linalg.norm(self.command, axis=1))
 
     @property
     def jerk_rms(self) -> float:
         """Root of the mean square of the jerk's norm [unit/s³]."""
-        return _rms(self.jerk_size)
+        return measure.rms(self.jerk_size)
 
     @property
     def shaking(self) -> float:
@@ -167,9 +167,7 @@ def freeze(position: Vec, target: Vec, dt: float) -> float:
     for i, j in pairwise(places):
         if (j - i) * dt <= PAUSE:
             moves[i:j] = True
-    frozen = np.concatenate([[False], moves & (speed < RESTS * mean), [False]])
-    edges = np.flatnonzero(frozen[1:] != frozen[:-1])
-    return float((edges[1::2] - edges[::2]).max(initial=0)) * dt
+    return max((end - start for start, end in measure.spans(moves & (speed < RESTS * mean))), default=0) * dt
 
 
 def filled(values: Vec) -> Vec:
@@ -181,10 +179,6 @@ def filled(values: Vec) -> Vec:
         if not known.all():
             column[:] = np.interp(rows, rows[known], column[known]) if known.any() else 0.0
     return result
-
-
-def _rms(values: Vec) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def _dt(run: Run) -> float:

@@ -30,7 +30,7 @@ def section(result: ScenarioResult) -> Section | None:
             curves = _curves(factor * error, own if len(own) == error.shape[1] else ())
             items.append(Plot(name, task, shown, measure.times(run), curves))
             norm = factor * np.linalg.norm(error, axis=1)
-            rows.append((task, shown, float(np.sqrt(np.mean(norm**2))), float(norm.max()), float(norm[-1])))
+            rows.append((task, shown, measure.rms(norm), float(norm.max()), float(norm[-1])))
     if not items:
         return None
     caption = (

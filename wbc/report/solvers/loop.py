@@ -11,6 +11,7 @@ import numpy as np
 
 from wbc.errors import WbcError
 from wbc.qp.solver import Solver
+from wbc.report.measure import rms
 from wbc.report.record import outline
 from wbc.report.smoothness import joints
 from wbc.report.solvers.measure import plain
@@ -51,4 +52,4 @@ def jerk(run: Run) -> float | None:
     if not found or run.rows * found[0].dt < 2.0 * SKIPPED:
         return None
     start = round(SKIPPED / found[0].dt)
-    return plain(float(np.sqrt(np.mean([np.mean(one.jerk[start:] ** 2) for one in found]))))
+    return plain(rms(np.array([one.jerk[start:] for one in found])))
