@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from importlib.util import find_spec
 from typing import Any, TypeVar
 
 import numpy as np
 
-from wbc.errors import InvalidInput
+from wbc.errors import InvalidInput, NotSupported
 from wbc.tolerances import MET, SAME
 from wbc.types import Mat, Vec
 
@@ -296,6 +297,17 @@ def shown(value: Any) -> str:
     except Exception as cause:
         return f"a {type(value).__name__} (its repr raised {type(cause).__name__})"
     return text if len(text) <= 200 else f"{text[:200]}..."
+
+
+def packages(what: str, *modules: str, extra: str) -> None:
+    """Check that ``modules``, which ``what`` needs, are installed, before any long work.
+
+    Raises:
+        NotSupported: one is missing; the message says which ``extra`` of this distribution brings it.
+    """
+    missing = [name for name in modules if find_spec(name) is None]
+    if missing:
+        raise NotSupported(f"{what} needs {', '.join(missing)}; from a clone of wbc: pip install '.[{extra}]'")
 
 
 def rotation(name: str, matrix: Mat) -> None:

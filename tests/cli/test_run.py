@@ -268,7 +268,7 @@ def test_a_bug_keeps_its_traceback_leaves_nothing_and_is_no_verdict(wbc, waving,
 
 @pytest.mark.parametrize("package", ["jinja2", "matplotlib", "trimesh"])
 def test_a_missing_extra_is_said_before_any_work(wbc, waving, monkeypatch, package):
-    monkeypatch.setattr("wbc.report.build.find_spec", lambda name: None if name == package else object())
+    monkeypatch.setattr("wbc.checks.find_spec", lambda name: None if name == package else object())
     answer = wbc("run", waving)
     assert answer.code == 2 and f"a report needs {package}; from a clone of wbc: pip install '.[report]'" in answer.err
     assert "chatters" not in answer.err

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
-from wbc import __version__
-from wbc.errors import NotSupported
+from wbc import __version__, checks
 from wbc.export.logs import TICK, Log, Series, log
 from wbc.files import written
 from wbc.report.marks import Mark
@@ -44,10 +43,9 @@ def to_mcap(
         InvalidInput: a run without ticks, or a place that cannot be written.
     """
     check_kinds(run, robot)
-    try:
-        from mcap.writer import Writer
-    except ImportError as cause:
-        raise NotSupported("an MCAP log needs mcap; from a clone of wbc: pip install '.[export]'") from cause
+    checks.packages("an MCAP log", "mcap", extra="export")
+    from mcap.writer import Writer
+
     content = log(run, robot)
     with written(path) as aside, aside.open("wb") as file:
         writer: Any = Writer(file)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, final
 
 import numpy as np
 
 from wbc import checks
-from wbc.errors import InvalidInput, NotSupported
+from wbc.errors import InvalidInput
 from wbc.export.stage import Stage
 from wbc.files import located, written
 from wbc.models.model import RobotModel
@@ -86,9 +85,7 @@ def movie(
         raise InvalidInput(
             f"{target.name} is no {', '.join(FORMATS)}: the end of the name says which format is written"
         )
-    missing = [name for name in ("PIL", WRITERS.get(kind, "PIL")) if find_spec(name) is None]
-    if missing:
-        raise NotSupported(f"{kind} needs {missing[0]}; from a clone of wbc: pip install '.[export,video]'")
+    checks.packages(kind, *{"PIL", WRITERS.get(kind, "PIL")}, extra="export,video")
     pair = checks.pair("size", size, "width, height")
     width, height = (int(checks.number("size", pixels, low=16, high=MOST_PIXELS)) // 2 * 2 for pixels in pair)
     looks = Camera.before(robot) if camera is None else _sound(camera)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wbc.errors import NotSupported
+from wbc import checks
 from wbc.export.logs import Log, log
 from wbc.files import written
 from wbc.report.marks import Mark
@@ -38,12 +38,9 @@ def to_rerun(
         InvalidInput: a run without ticks, or a place that cannot be written.
     """
     check_kinds(run, robot)
-    try:
-        import rerun as rr
-    except ImportError as cause:
-        raise NotSupported(
-            "a recording for Rerun needs rerun-sdk; from a clone of wbc: pip install '.[rerun]'"
-        ) from cause
+    checks.packages("a recording for Rerun", "rerun", extra="rerun")
+    import rerun as rr
+
     content = log(run, robot)
     with written(path) as aside:
         recording = rr.RecordingStream(f"wbc {run.meta.get('scenario', 'run')}", send_properties=False)

@@ -6,7 +6,6 @@ import socket
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
-from importlib.util import find_spec
 from math import nan
 from multiprocessing.connection import Connection
 from time import monotonic, perf_counter_ns, sleep
@@ -82,8 +81,7 @@ class View:
         obstacles: Sequence[Obstacle] = (),
     ) -> None:
         checks.instance("controller", controller, Controller, "a wbc.Controller")
-        if find_spec("viser") is None:
-            raise NotSupported("a view in the browser needs viser; from a clone of wbc: pip install '.[live]'")
+        checks.packages("a view in the browser", "viser", extra="live")
         self.controller, self.paused = controller, False
         #: What was done in the browser, in words, with the time [s].
         self.done: list[str] = []
@@ -300,7 +298,6 @@ def required(port: int) -> None:
         NotSupported: viser is not installed.
         InvalidInput: ``port`` is none.
     """
-    if find_spec("viser") is None:
-        raise NotSupported("a view in the browser needs viser; from a clone of wbc: pip install '.[live]'")
+    checks.packages("a view in the browser", "viser", extra="live")
     if not 0 < port < 65536:
         raise InvalidInput(f"port is {port}; it must be from 1 to 65535")

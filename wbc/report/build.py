@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from wbc import checks
 from wbc.arguments import tells_arguments
-from wbc.errors import NotSupported
 from wbc.report import measure
 from wbc.report.document import Clock, Report, Scene, Tile, formatted, rounded
 from wbc.report.happened import events
@@ -74,9 +72,7 @@ def require_extras(*modules: str) -> None:
     Raises:
         NotSupported: a package is missing; the message says what to install.
     """
-    missing = [name for name in modules or ("jinja2", "matplotlib", "trimesh", "collada") if find_spec(name) is None]
-    if missing:
-        raise NotSupported(f"a report needs {', '.join(missing)}; from a clone of wbc: pip install '.[report]'")
+    checks.packages("a report", *(modules or ("jinja2", "matplotlib", "trimesh", "collada")), extra="report")
 
 
 def summary(result: ScenarioResult) -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wbc.errors import NotSupported
+from wbc import checks
 from wbc.report import measure
 from wbc.report.document import Figure
 from wbc.report.motion import Motion, motion
@@ -45,11 +45,10 @@ def stills(
     high = np.max([points.max(axis=0) for points in drawn if len(points)], axis=0)
     width, height = np.maximum(high - low, 0.2) * 1.08
     tall = min(4.6, WIDTH / len(rows) * height / width)
-    try:
-        from matplotlib import rc_context
-        from matplotlib.figure import Figure as Drawing
-    except ImportError as cause:
-        raise NotSupported("figures need matplotlib; from a clone of wbc: pip install '.[report]'") from cause
+    checks.packages("a picture", "matplotlib", extra="report")
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure as Drawing
+
     memory = BytesIO()
     with rc_context({"font.family": "sans-serif", "font.sans-serif": ["DejaVu Sans"], "text.color": "#1f2a37"}):
         drawing = Drawing(figsize=(WIDTH, tall + 0.3), layout="constrained", facecolor="white")

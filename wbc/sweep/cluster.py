@@ -5,10 +5,10 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from importlib.util import find_spec
 from typing import Any
 
-from wbc.errors import InvalidInput, NotSupported
+from wbc import checks
+from wbc.errors import InvalidInput
 from wbc.sweep.plan import Trial
 from wbc.sweep.trial import done
 
@@ -31,8 +31,7 @@ def do_all(
         NotSupported: the extra ``sweep`` is not installed.
         InvalidInput: nobody answers at that address.
     """
-    if find_spec("distributed") is None:
-        raise NotSupported("sweeps need dask.distributed; from a clone of wbc: pip install '.[sweep]'")
+    checks.packages("a sweep", "distributed", extra="sweep")
     from distributed import as_completed
     from distributed.scheduler import KilledWorker
 
