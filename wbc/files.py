@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -37,6 +38,11 @@ def located(place: Place, error: type[WbcError] = InvalidInput) -> Path:
         reason = cause.strerror if isinstance(cause, OSError) else cause
         raise error(f"{checks.shown(str(place))} is no path here: {reason}") from None
     return path
+
+
+def slug(text: str) -> str:
+    """A text as the name of a file or of a place in a page: small letters and digits, apart by hyphens."""
+    return re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-")
 
 
 @contextmanager

@@ -5,21 +5,21 @@ from __future__ import annotations
 import base64
 import gzip
 import json
-import re
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from wbc.errors import NotSupported
-from wbc.report.document import Address, Bar, Cell, Figure, Item, Link, Map, Marked, Plot, Report, Table, formatted
+from wbc import checks
+from wbc.files import slug
+from wbc.report.document import Address, Bar, Cell, Figure, Link, Map, Marked, Plot, Report, Table, formatted
 from wbc.report.packed import data, scenes
 
 ASSETS = Path(__file__).with_name("assets")
 #: A text of so many characters stays on one line of its cell.
 SHORT = 16
-#: A table of more columns does not fit the width of a phone.
+#: A table of more columns does not fit the width of a phone, which shows each row as a block instead.
 COLUMNS = 3
 #: What marks of the clock are called.
 KINDS = {"push": "push", "fault": "disturbance or fault", "contact": "change of contact", "failed": "demand not met"}
@@ -31,19 +31,18 @@ def html(report: Report) -> str:
     Raises:
         NotSupported: jinja2 is not installed.
     """
-    try:
-        import jinja2
-    except ImportError as cause:
-        raise NotSupported("the HTML report needs jinja2; from a clone of wbc: pip install '.[report]'") from cause
+    checks.packages("the HTML report", "jinja2", extra="report")
+    import jinja2
+
     environment = jinja2.Environment(
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     plots = [item for item in report.items if isinstance(item, Plot)]
     names = {plot.name for plot in plots}
     environment.filters.update(
-        anchor=_anchor,
-        cards=_cards,
-        kind=_kind,
+        anchor=slug,
+        cards=lambda table: len(table.columns) > COLUMNS,
+        kind=lambda item: type(item).__name__.lower(),
         cell=formatted,
         look=_look,
         source=_source,
@@ -83,19 +82,6 @@ def _packed(content: Any) -> str:
     """JSON, compressed, as text that cannot end the element it stands in; the same content gives the same text."""
     plain = json.dumps(content, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
     return base64.b64encode(gzip.compress(plain, mtime=0)).decode("ascii")
-
-
-def _kind(item: Item) -> str:
-    return type(item).__name__.lower()
-
-
-def _anchor(title: str) -> str:
-    return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")
-
-
-def _cards(table: Table) -> bool:
-    """Whether a phone is too narrow for the table: it shows each row as a block instead."""
-    return len(table.columns) > COLUMNS
 
 
 def _look(cell: Cell, numeric: bool) -> str:

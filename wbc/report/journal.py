@@ -83,19 +83,6 @@ def fresh(out: Path, journal: str, what: str, record: str) -> Path:
     return folder
 
 
-def made(folder: Path) -> Path:
-    """The folder, once it is there.
-
-    Raises:
-        InvalidInput: a place that cannot be written.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as cause:
-        raise InvalidInput(f"{folder} cannot be written: {cause.strerror}") from cause
-    return folder
-
-
 def taken_up(out: Path, journal: str, what: str) -> Path:
     """The journal of unfinished work for ``out``.
 

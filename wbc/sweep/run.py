@@ -10,11 +10,11 @@ from typing import Any
 from wbc import checks
 from wbc.control.recorder import ARRAYS_FILE
 from wbc.errors import InvalidInput
-from wbc.files import located
+from wbc.files import located, made_folder
 from wbc.report.document import Report
 from wbc.report.folder import RESULTS, replaced
 from wbc.report.folder import write as write_report
-from wbc.report.journal import Journal, fresh, made, taken_up, unfinished
+from wbc.report.journal import Journal, fresh, taken_up, unfinished
 from wbc.report.record import missing, write_run
 from wbc.sim.provenance import surroundings
 from wbc.sim.scenario import Progress, ScenarioResult, silent
@@ -54,7 +54,7 @@ def sweep(
     checks.instance("plan", plan, Sweep, "a wbc.sweep.Sweep")
     out = located(out)
     _begins(plan)
-    folder = made(fresh(out, RESULTS, "sweep", RESULTS))
+    folder = made_folder(fresh(out, RESULTS, "sweep", RESULTS))
     header = {
         "scenario": Path(plan.scenario).name,
         "sweep": str(plan),

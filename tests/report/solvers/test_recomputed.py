@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 
 from tests.report.solvers.conftest import CLASSES, Compared
+from wbc.files import slug
 from wbc.qp import QP, Solution
 from wbc.qp.solvers import by_name, usable
 from wbc.report.solvers import compare
-from wbc.report.solvers.problems import ProblemSet, slug
+from wbc.report.solvers.problems import ProblemSet
 
 OTHERS = Path(os.environ.get("WBC_QPS", "qps"))
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from wbc.files import slug
 from wbc.report.document import Cell, Item, Section, Table, Text
 from wbc.report.sections.settings import measured
 from wbc.report.solvers.data import Data
-from wbc.report.solvers.problems import slug
 from wbc.report.solvers.statistics import PROVEN
 
 FAILURES = "failures"

@@ -12,19 +12,20 @@ from typing import Any, NamedTuple
 
 from wbc.arguments import tells_arguments
 from wbc.errors import InvalidInput
+from wbc.files import made_folder, slug
 from wbc.qp.problem import QP
 from wbc.qp.solver import Solver
 from wbc.qp.solvers import by_name, usable
 from wbc.report.document import Report
 from wbc.report.folder import DATA, replaced
 from wbc.report.folder import write as write_report
-from wbc.report.journal import Journal, fresh, made, taken_up
+from wbc.report.journal import Journal, fresh, taken_up
 from wbc.report.solvers import data as raw
 from wbc.report.solvers.appendix import FAILURES, failed, failure_file
 from wbc.report.solvers.data import Data
 from wbc.report.solvers.engine import work
 from wbc.report.solvers.page import page
-from wbc.report.solvers.problems import ProblemSet, from_folder, sequence, slug
+from wbc.report.solvers.problems import ProblemSet, from_folder, sequence
 from wbc.report.solvers.recording import QpRecorder, growing, record
 from wbc.report.solvers.request import Request, ScenarioRequest
 from wbc.sim.provenance import surroundings, versions
@@ -88,7 +89,7 @@ def compare(
     _refuse_stray(settings, sources)
     collected = _collected(sources, settings, choices, Request(chosen, **options), progress)
     with TemporaryDirectory(prefix="wbc-compare-") if folder is None else nullcontext(folder) as name:
-        work_in = made(Path(name))
+        work_in = made_folder(name)
         return _finished(_begun(collected, Request(chosen, **options), work_in), work_in, place, progress)
 
 

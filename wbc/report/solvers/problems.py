@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -106,11 +105,6 @@ def sequence(name: str, qps: Sequence[QP], *, source: str = "given QPs", period:
         raise InvalidInput(f"{name}: there is no QP to compare solvers on")
     labels = [f"problem {i}" for i in range(len(qps))]
     return ProblemSet(name, "sequence", source, tuple(qps), labels, [(0, len(qps))], period)
-
-
-def slug(name: str) -> str:
-    """A name for a file."""
-    return re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")
 
 
 def saved_qps(path: Path) -> Sequence[QP]:

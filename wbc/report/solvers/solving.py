@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from wbc.files import slug
 from wbc.report.document import Bound, Cell, Curve, Item, Marked, Plot, Section, Table, Text, percent, plural, short
 from wbc.report.solvers.data import Data
-from wbc.report.solvers.problems import slug
 from wbc.report.solvers.statistics import (
     TARGET,
     Measure,
