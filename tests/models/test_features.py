@@ -40,7 +40,8 @@ def test_drifts_are_second_differences_of_distances(seed: int, kinds: tuple[str,
     shapes, poses = [shape_of(kind, rng) for kind in kinds], [placed(rng, 0.3) for _ in kinds]
     motions = rng.normal(size=(2, 12)) * rng.choice([0.0, 1.0], size=(2, 12), p=[0.2, 0.8])
     near = moving(shapes, poses, motions)
-    d, speed, drift = near.line[0, 0], float(near._force[0] @ (motions[1] - motions[0])[:6]), float(near._drift[0])
+    found = near._pairs
+    d, speed, drift = near.line[0, 0], float(found.force[0] @ (motions[1] - motions[0])[:6]), float(found.drift[0])
     if d < 5e-3:
         return
     sides = []
@@ -64,8 +65,8 @@ def test_lines_to_the_side_bend_as_their_points_and_come_nearer_as_the_nearest(s
     shapes, poses = [shape_of(kind, rng) for kind in kinds], [placed(rng, 0.3) for _ in kinds]
     motions = rng.normal(size=(2, 12))
     near = moving(shapes, poses, motions, close=1.0)
-    count = int(near._sizes[5])
-    lines, drift = near.line[:count], near._drift[:count]
+    count = int(near._pairs.sizes[5])
+    lines, drift = near.line[:count], near._pairs.drift[:count]
 
     def along(line: Vec, t: float) -> float:
         there = [moved(at, motion, t) for at, motion in zip(poses, motions, strict=True)]
@@ -97,7 +98,7 @@ def test_what_slides_along_a_face_comes_no_nearer(seed: int, kind: str, aside: f
     motions[1, :3] = base.rotation @ [*rng.normal(size=2), 0.0]
     near = moving([first, second], [base, base * up], motions)
     assert near.line[0, 0] == pytest.approx(0.03, abs=1e-12)
-    assert near._drift[0] == pytest.approx(0.0, abs=1e-5)
+    assert near._pairs.drift[0] == pytest.approx(0.0, abs=1e-5)
 
 
 @pytest.mark.parametrize("turn", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (1.0, 0.3, 0.0)])
@@ -107,7 +108,7 @@ def test_a_face_that_turns_below_a_ball_is_a_face_also_on_its_diagonal(turn: tup
     motions[0, 3:6] = turn
     poses = [pin.SE3.Identity(), pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.8]))]
     near = moving([coal.Box(1.0, 0.6, 0.4), coal.Sphere(0.1)], poses, motions)
-    assert near._drift[0] == pytest.approx(-0.8 * np.dot(turn, turn), abs=1e-12)
+    assert near._pairs.drift[0] == pytest.approx(-0.8 * np.dot(turn, turn), abs=1e-12)
 
 
 @given(SEEDS)
@@ -123,7 +124,7 @@ def test_two_corners_of_a_mesh_that_are_almost_one_bend_the_distance_as_one(seed
     aside = np.cross(once.line[0, 1:4], rng.normal(size=3))
     twice = [np.vstack([points, points + 7e-8 / np.linalg.norm(aside) * aside]) for points in corners]
     twins = moving([hull(points) for points in twice], poses, motions)
-    assert twins._drift[0] == pytest.approx(once._drift[0], abs=1e-3)
+    assert twins._pairs.drift[0] == pytest.approx(once._pairs.drift[0], abs=1e-3)
 
 
 @given(SEEDS, st.sampled_from([kinds for kinds in product(KINDS, KINDS) if "cylinder" in kinds]))

@@ -84,7 +84,7 @@ def test_a_corner_that_comes_fast_has_a_line_before_it_is_too_fast(seed: int, sp
     turn = speed * about / np.linalg.norm(about)
     near.own[1, :6] = np.concatenate([np.cross(poses[1].translation, turn), turn])  # about its middle
     numbers = near.read(np.zeros((6, 0)), np.zeros(0), speeds=True)
-    foreseen = near.line[numbers, 0] + ahead * near._force[: len(numbers)] @ near.own[1, :6]
+    foreseen = near.line[numbers, 0] + ahead * near._pairs.force[: len(numbers)] @ near.own[1, :6]
     corners = 0.5 * size * np.array(list(product((-1.0, 1.0), repeat=3)))
     worst = (poses[1].translation + corners + ahead * np.cross(turn, corners))[:, 2].min()
     assert worst >= 0.0 or foreseen.min() <= worst + 1e-9

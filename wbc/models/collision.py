@@ -299,7 +299,7 @@ class Distances:
 
     def _number_rows(self, count: int | None) -> None:
         """Memory for so many rows."""
-        from wbc.models.compiled.pair_rows import PairRows
+        from wbc.models.compiled.pair_rows import LAYOUT
 
         model, near = self.model.pinocchio, self._near
         pin.updateGeometryPlacements(model, self._kinematics, self._geometry, near.data, np.array(self.model.q0))
@@ -307,13 +307,13 @@ class Distances:
         if count is None:
             count = min(_ROWS + 2 * len(np.unique(lines // self._lines)), _MOST_ROWS)
         self.count = count = min(count, len(self.pairs) * (self._lines if self.close > -np.inf else 1))
-        self.which: Index = np.full(count, -1, dtype=np.intp)
-        self.distance, self.rate, self.drift = np.full(count, self.reach), np.zeros(count), np.zeros(count)
-        self.jacobian = np.zeros((count, self.model.nv))
-        self.missing = 0
-        #: The pair that had each row last, and the row that each pair had last; −1 where there is none.
-        self._held, self._row_of = self.which.copy(), np.full(len(self.pairs) * self._lines, -1, dtype=np.intp)
-        near.write_to(PairRows(self._row_of, self.which, self.distance, self.jacobian, self.rate, self.drift))
+        rows = LAYOUT.arrays(np.array([len(self.pairs) * self._lines, count, model.nv]))
+        _, self._row_of, self.which, self.distance, self.jacobian, self.rate, self.drift = rows
+        self.distance.fill(self.reach)
+        self.which.fill(-1)
+        self._row_of.fill(-1)  # the row that each pair had last; −1: none
+        self._held, self.missing = self.which.copy(), 0  # the pair that had each row last
+        near.write_to(rows)
 
     def reset(self) -> None:
         """Make all rows free, and forget what was measured."""

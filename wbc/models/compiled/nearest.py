@@ -25,9 +25,9 @@ points come nearer than those of the lines, and it is added to the other lines o
 from __future__ import annotations
 
 from math import inf, sqrt
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
-from wbc.compiled import carray, entry, floats, integers, kernel, small_kernel
+from wbc.compiled import Layout, entry, kernel, small_kernel
 from wbc.models.compiled.features import bending, carried, cross, distance, velocity
 from wbc.models.compiled.gjk import Bodies, bodies
 from wbc.models.compiled.turned import NEAR, TURNS, turned
@@ -52,59 +52,44 @@ _MOST_CURVATURE = 30.0
 class Pairs(NamedTuple):
     """m pairs of n shapes of links, in so many pairs of links."""
 
-    pair: Index  # (m, 2): shapes
-    links: Index  # (m): pair of links
-    measured: Vec  # (m): d' + way'
-    felt: Vec  # (m): distance up to which a pair is looked for
-    least: Vec  # (m): no distance is smaller than this
-    order: Index  # (m): pairs that may be near, the nearest first
-    distance: Vec  # (m): of this reading, or inf
-    nearest: Vec  # (pairs of links): the smallest of these of two links
-    line: Mat  # (m LINES, 10): distance, normal, nearest points
-    simplex: Mat  # (m + 1, 4, 8): the last row is memory
-    corners: Index  # (m): of the simplex
-    start: Mat  # (m, 4, 8): what every search begins with, from the first reading
-    starts: Index  # (m): how many; −1 before the first
-    found: Index  # (m LINES)
-    force: Mat  # (m LINES, 6): lines of force of what was found
-    drift: Vec  # (m LINES): second derivatives of what was found at a = 0
-    soon: Vec  # (m LINES): how near what was found will be after ``ahead``
-    way: Vec  # (n)
-    last: Mat  # (n, 12): placements of the reading before
-    radius: Vec  # (n): of a ball about the middle of a shape that holds it
-    twist: Mat  # (n, 6): of shapes, linear about the world's origin, angular
-    bias: Mat  # (n, 6): their derivatives at a = 0
-    own: Mat  # (n, 12): twist and derivative of shapes that are no robot's
-    carrier: Index  # (n): the joint that moves a shape; 0: none
-    parent: Index  # (joints): of each joint, 0 for the world
-    begin: Index  # (joints + 1): where each joint's velocities begin
-    columns: Mat  # (nv, 6): twist of what moves with a velocity of 1
-    v: Vec  # (nv)
-    joints: Mat  # (joints, 12): twists and derivatives
-    moved: Mat  # (n, nv): 1 for each velocity that moves a shape
-    numbers: Vec  # reach, margin, ahead, the distance up to which a pair is close
-    sizes: Index  # n, m, pairs of links | candidates, done, found, whether speeds count | joints, nv
+    pair: Annotated[Index, "m, 2"]  # shapes
+    links: Annotated[Index, "m"]  # pair of links
+    measured: Annotated[Vec, "m"]  # d' + way'
+    felt: Annotated[Vec, "m"]  # distance up to which a pair is looked for
+    least: Annotated[Vec, "m"]  # no distance is smaller than this
+    order: Annotated[Index, "m"]  # pairs that may be near, the nearest first
+    distance: Annotated[Vec, "m"]  # of this reading, or inf
+    nearest: Annotated[Vec, "sizes[2]"]  # the smallest of these of two links
+    line: Annotated[Mat, "lines, 10"]  # distance, normal, nearest points
+    simplex: Annotated[Mat, "m + 1, 4, 8"]  # the last row is memory
+    corners: Annotated[Index, "m"]  # of the simplex
+    start: Annotated[Mat, "m, 4, 8"]  # what every search begins with, from the first reading
+    starts: Annotated[Index, "m"]  # how many; −1 before the first
+    found: Annotated[Index, "lines"]
+    force: Annotated[Mat, "lines, 6"]  # lines of force of what was found
+    drift: Annotated[Vec, "lines"]  # second derivatives of what was found at a = 0
+    soon: Annotated[Vec, "lines"]  # how near what was found will be after ``ahead``
+    way: Annotated[Vec, "n"]
+    last: Annotated[Mat, "n, 12"]  # placements of the reading before
+    radius: Annotated[Vec, "n"]  # of a ball about the middle of a shape that holds it
+    twist: Annotated[Mat, "n, 6"]  # of shapes, linear about the world's origin, angular
+    bias: Annotated[Mat, "n, 6"]  # their derivatives at a = 0
+    own: Annotated[Mat, "n, 12"]  # twist and derivative of shapes that are no robot's
+    carrier: Annotated[Index, "n"]  # the joint that moves a shape; 0: none
+    parent: Annotated[Index, "joints"]  # of each joint, 0 for the world
+    begin: Annotated[Index, "joints + 1"]  # where each joint's velocities begin
+    columns: Annotated[Mat, "nv, 6"]  # twist of what moves with a velocity of 1
+    v: Annotated[Vec, "nv"]
+    joints: Annotated[Mat, "joints, 12"]  # twists and derivatives
+    moved: Annotated[Mat, "n, nv"]  # 1 for each velocity that moves a shape
+    numbers: Annotated[Vec, "4"]  # reach, margin, ahead, the distance up to which a pair is close
+    # n, m, pairs of links | candidates, done, found, whether speeds count | joints, nv | where the bodies are
+    sizes: Annotated[Index, "10"]
 
 
-@small_kernel
-def pairs(at: int) -> Pairs:
-    """The arrays whose addresses are at ``at``, in the order of :class:`Pairs`, behind those of the bodies."""
-    a = carray(integers(at), 33)
-    s = carray(integers(a[32]), 9)
-    n, m, n_links, joints, nv = s[0], s[1], s[2], s[7], s[8]
-    return Pairs(
-        carray(integers(a[1]), (m, 2)), carray(integers(a[2]), m), carray(floats(a[3]), m), carray(floats(a[4]), m),
-        carray(floats(a[5]), m), carray(integers(a[6]), m), carray(floats(a[7]), m),
-        carray(floats(a[8]), n_links), carray(floats(a[9]), (m * LINES, 10)),
-        carray(floats(a[10]), (m + 1, 4, 8)), carray(integers(a[11]), m),
-        carray(floats(a[12]), (m, 4, 8)), carray(integers(a[13]), m), carray(integers(a[14]), m * LINES),
-        carray(floats(a[15]), (m * LINES, 6)), carray(floats(a[16]), m * LINES), carray(floats(a[17]), m * LINES),
-        carray(floats(a[18]), n), carray(floats(a[19]), (n, 12)), carray(floats(a[20]), n),
-        carray(floats(a[21]), (n, 6)), carray(floats(a[22]), (n, 6)), carray(floats(a[23]), (n, 12)),
-        carray(integers(a[24]), n), carray(integers(a[25]), joints), carray(integers(a[26]), joints + 1),
-        carray(floats(a[27]), (nv, 6)), carray(floats(a[28]), nv), carray(floats(a[29]), (joints, 12)),
-        carray(floats(a[30]), (n, nv)), carray(floats(a[31]), 4), s,
-    )  # fmt: skip
+LAYOUT = Layout(Pairs, n="sizes[0]", m="sizes[1]", lines=f"{LINES} * m", joints="sizes[7]", nv="sizes[8]")
+#: In a kernel: the arrays at an address.
+pairs = LAYOUT.views
 
 
 @small_kernel
@@ -316,7 +301,8 @@ def measure(at: int) -> int:
     ``sizes[4]`` says what is done: ``BEGIN``, a reading begins; or how many candidates are, the last of which was
     handed out and has its ``line`` now.
     """
-    s, b = pairs(at), bodies(carray(integers(at), 1)[0])
+    s = pairs(at)
+    b = bodies(s.sizes[9])
     if s.sizes[4] == BEGIN:
         _start(s, b)
     else:

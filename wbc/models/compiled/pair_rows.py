@@ -3,34 +3,27 @@
 from __future__ import annotations
 
 from math import nan
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
-from wbc.compiled import carray, entry, floats, integers, small_kernel
+from wbc.compiled import Layout, entry
 from wbc.models.compiled.nearest import LINES, pairs
 from wbc.types import Index, Mat, Vec
 
 
 class PairRows(NamedTuple):
-    """So many rows (count) of the lines of m pairs."""
+    """So many rows (count) of the lines of pairs."""
 
-    row: Index  # (m LINES): the row of each line, −1: none
-    which: Index  # (count): the pair of each row, −1: none
-    distance: Vec  # (count)
-    jacobian: Mat  # (count, nv)
-    rate: Vec  # (count)
-    drift: Vec  # (count)
+    sizes: Annotated[Index, "3"]  # lines, count, nv
+    row: Annotated[Index, "sizes[0]"]  # the row of each line, −1: none
+    which: Annotated[Index, "count"]  # the pair of each row, −1: none
+    distance: Annotated[Vec, "count"]
+    jacobian: Annotated[Mat, "count, sizes[2]"]
+    rate: Annotated[Vec, "count"]
+    drift: Annotated[Vec, "count"]
 
 
-@small_kernel
-def _rows(at: int) -> PairRows:
-    """The arrays whose addresses are at ``at``, in the order of :class:`PairRows`, behind their numbers."""
-    a = carray(integers(at), 7)
-    s = carray(integers(a[0]), 3)
-    count = s[1]
-    return PairRows(
-        carray(integers(a[1]), s[0]), carray(integers(a[2]), count), carray(floats(a[3]), count),
-        carray(floats(a[4]), (count, s[2])), carray(floats(a[5]), count), carray(floats(a[6]), count),
-    )  # fmt: skip
+LAYOUT = Layout(PairRows, count="sizes[1]")
+_rows = LAYOUT.views
 
 
 @entry
