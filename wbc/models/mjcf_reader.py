@@ -25,7 +25,7 @@ from wbc.models.geometry import IDENTITY, Box, Color, Cylinder, Geometry, Mesh, 
 from wbc.models.mjcf_source import MjcfSource
 from wbc.models.mujoco_import import import_mujoco
 from wbc.models.poses import BASE
-from wbc.models.urdf import Inertial, Joint, JointKind, Link, Loop, Urdf, gathered, unused
+from wbc.models.urdf import Inertial, Joint, JointKind, Link, Loop, Urdf, gathered, six, unused
 from wbc.types import Mat, Vec
 
 WORLD = "world"
@@ -258,8 +258,7 @@ class _Translation:
             return None
         R = self._matrix(m.body_iquat[body])
         inertia = R @ np.diag(m.body_inertia[body]) @ R.T
-        entries = tuple(float(inertia[i, j]) for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)))
-        return Inertial(float(m.body_mass[body]), cast("Any", entries), Origin(triple(m.body_ipos[body])))
+        return Inertial(float(m.body_mass[body]), six(inertia), Origin(triple(m.body_ipos[body])))
 
     # ---- joints
     def _joint(self, joint: int, parent: str, child: str, origin: Origin) -> Joint:

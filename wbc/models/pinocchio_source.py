@@ -15,7 +15,7 @@ from wbc.errors import ModelError
 from wbc.models.geometry import Box, Cylinder, Geometry, Mesh, Origin, Shape, Sphere, capsule, triple
 from wbc.models.pinocchio_ import Base
 from wbc.models.poses import BASE, root_joint
-from wbc.models.urdf import Inertial, Joint, JointKind, Link, Urdf, gathered, unused
+from wbc.models.urdf import Inertial, Joint, JointKind, Link, Urdf, gathered, six, unused
 from wbc.types import Vec
 
 _LINKS = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
@@ -187,8 +187,7 @@ def _shapes(item: Any) -> list[tuple[Shape, Vec]]:
 def _inertial(inertia: Any) -> Inertial | None:
     if not inertia.mass:
         return None
-    xx, xy, xz, yy, yz, zz = map(float, inertia.inertia[np.triu_indices(3)])
-    return Inertial(float(inertia.mass), (xx, xy, xz, yy, yz, zz), Origin(triple(inertia.lever)))
+    return Inertial(float(inertia.mass), six(inertia.inertia), Origin(triple(inertia.lever)))
 
 
 def _origin(placement: Any) -> Origin:

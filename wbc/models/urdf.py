@@ -16,10 +16,13 @@ from typing import Literal, TypeVar, final
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
+import numpy as np
+
 from wbc.errors import ModelError, PathRefused, UnknownJoint
 from wbc.models.folders import Folders
 from wbc.models.geometry import IDENTITY, Geometry, Origin, Triple, lengths
 from wbc.models.poses import NamedPose
+from wbc.types import Mat
 
 _T = TypeVar("_T")
 _R = TypeVar("_R")
@@ -42,6 +45,18 @@ class Inertial:
     mass: float
     inertia: tuple[float, float, float, float, float, float]
     origin: Origin = IDENTITY
+
+    @property
+    def matrix(self) -> Mat:
+        """The inertia (3, 3)."""
+        xx, xy, xz, yy, yz, zz = self.inertia
+        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def six(inertia: Mat) -> tuple[float, float, float, float, float, float]:
+    """Of a symmetric matrix (3, 3) what :class:`Inertial` has."""
+    xx, xy, xz, yy, yz, zz = map(float, inertia[np.triu_indices(3)])
+    return xx, xy, xz, yy, yz, zz
 
 
 @final

@@ -111,16 +111,17 @@ def _inertial(element: Element, where: str) -> Inertial:
     if mass_element is None or inertia_element is None:
         raise ModelError(f"{where} has an <inertial> without <mass> or <inertia>")
     mass = _numbers(mass_element, "value", 1, f"the mass of {where}")
-    xx, xy, xz, yy, yz, zz = inertia = tuple(
+    inertia = tuple(
         _numbers(inertia_element, key, 1, f"the inertia of {where}")
         for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
     )
     if mass < 0:
         raise ModelError(f"{where} has a mass of {mass:g} kg; it must not be negative")
-    moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    inertial = Inertial(mass, cast("Any", inertia), _origin(element, where))
+    moments = np.linalg.eigvalsh(inertial.matrix)
     if moments[0] < -1e-3 * moments[2] - 1e-6:  # less is rounding in the file
         raise ModelError(f"{where} has a principal inertia of {moments[0]:g} kg m²; it must not be negative")
-    return Inertial(mass, cast("Any", inertia), _origin(element, where))
+    return inertial
 
 
 def _joint(element: Element) -> Joint:

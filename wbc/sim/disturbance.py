@@ -154,14 +154,7 @@ class SensorNoise(Disturbance):
         return _Noise(self, plant)
 
     def _deviations(self) -> dict[str, float]:
-        return {
-            "position": self.position,
-            "velocity": self.velocity,
-            "base_position": self.base_position,
-            "base_orientation": self.base_orientation,
-            "base_velocity": self.base_velocity,
-            "base_angular_velocity": self.base_angular_velocity,
-        }
+        return {name: value for name, value in vars(self).items() if name != "seed"}
 
     def __str__(self) -> str:
         parts = ", ".join(f"{name} {value:g}" for name, value in self._deviations().items() if value)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from wbc.models.geometry import Origin
-from wbc.models.urdf import Inertial, Link, Urdf
+from wbc.models.urdf import Inertial, Link, Urdf, six
 from wbc.sim.engine import mujoco
 from wbc.types import Mat, Vec
 
@@ -66,18 +66,18 @@ def _of_a_body(inertial: Inertial | None) -> Inertial | None:
     if a > _LEAST and a + b > c * (1 + _ROUNDING):
         return inertial
     inertia = axes @ np.diag([3.0, 4.0, 5.0]) @ axes.T
-    return replace(inertial, inertia=_six(inertia))
+    return replace(inertial, inertia=six(inertia))
 
 
 def _principal(inertial: Inertial) -> tuple[Vec, Mat]:
     """Principal moments, rising, and their axes: a rotation."""
-    moments, axes = np.linalg.eigh(_matrix(inertial))
+    moments, axes = np.linalg.eigh(inertial.matrix)
     return moments, axes * np.linalg.det(axes)
 
 
 def _pseudo_inertia(inertial: Inertial) -> Mat:
     """About the centre of mass: ∫ x xᵀ dm = ½ tr(I) 1 − I, and the mass in the corner."""
-    inertia = _matrix(inertial)
+    inertia = inertial.matrix
     J = np.zeros((4, 4))
     J[:3, :3] = 0.5 * np.trace(inertia) * np.eye(3) - inertia
     J[3, 3] = inertial.mass
@@ -91,14 +91,4 @@ def _inertial(J: Mat | None) -> Inertial | None:
     spread = J[:3, :3] - J[3, 3] * np.outer(centre, centre)
     inertia = np.trace(spread) * np.eye(3) - spread
     x, y, z = map(float, centre)
-    return Inertial(float(J[3, 3]), _six(inertia), Origin((x, y, z)))
-
-
-def _matrix(inertial: Inertial) -> Mat:
-    xx, xy, xz, yy, yz, zz = inertial.inertia
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-
-
-def _six(inertia: Mat) -> tuple[float, float, float, float, float, float]:
-    xx, xy, xz, yy, yz, zz = map(float, inertia[np.triu_indices(3)])
-    return xx, xy, xz, yy, yz, zz
+    return Inertial(float(J[3, 3]), six(inertia), Origin((x, y, z)))
