@@ -11,7 +11,7 @@ import numpy as np
 from wbc import checks
 from wbc.arguments import tells_arguments
 from wbc.report import measure
-from wbc.report.document import Clock, Report, Scene, Tile, formatted, rounded
+from wbc.report.document import Clock, Report, Scene, Tile, formatted, plural, rounded
 from wbc.report.happened import events
 from wbc.report.replay import replay, together
 from wbc.report.sections import SECTIONS
@@ -81,7 +81,7 @@ def summary(result: ScenarioResult) -> str:
     solved = measure.statuses(run).get("SOLVED", 0)
     ticks = "every tick" if solved == run.rows else f"{solved} of {run.rows} ticks"
     disturbances = meta.get("disturbances", [])
-    under = f" under {len(disturbances)} disturbance{'s' if len(disturbances) > 1 else ''}" if disturbances else ""
+    under = f" under {plural(len(disturbances), 'disturbance')}" if disturbances else ""
     failed = [check for check in failed_first(result.verdict) if not check.ok]
     early = meta.get("ended", "complete")
     stopped = "" if early == "complete" else f" and ended early ({early})"
@@ -110,7 +110,7 @@ def highlights(result: ScenarioResult) -> list[Tile]:
     times, use = measure.tick_times(run), measure.use(run)
     tiles = [
         Tile("simulated", f"{measure.seconds(run):g} s"),
-        Tile("ticks", str(formatted(run.rows))),
+        Tile("ticks", formatted(run.rows)),
         _real_time(run),
         Tile("median tick", f"{times.median:.0f} µs"),
     ]
@@ -126,7 +126,7 @@ def _real_time(run: Run) -> Tile:
     beside = f"p99 {p99:.0f} µs, period {period:g} µs"
     if not late:
         return Tile(f"real time; {beside}", "yes", "good")
-    return Tile(f"ticks late; {beside}", str(formatted(late)), "bad" if p99 > period else "doubtful")
+    return Tile(f"ticks late; {beside}", formatted(late), "bad" if p99 > period else "doubtful")
 
 
 def _peak(what: str, share: Any) -> Tile:

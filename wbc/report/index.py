@@ -16,7 +16,7 @@ from wbc.errors import InvalidInput
 from wbc.files import Place, located, written
 from wbc.npz import read_json
 from wbc.report.build import require_extras
-from wbc.report.document import Address, Cell, Figure, Marked, Report, Section, Table, Tile, neutral
+from wbc.report.document import Address, Cell, Figure, Marked, Report, Section, Table, Tile, neutral, plural
 from wbc.report.folder import HTML
 from wbc.report.html import html
 from wbc.report.markdown import FIGURES
@@ -113,7 +113,7 @@ def index(folder: Path) -> Report:
     verdicts = [str(getattr(row[2], "text", row[2])) for row in rows]
     tiles = [Tile(what, str(verdicts.count(what)), mood) for what, mood in MOODS.items() if what in verdicts]
     unmade = sum(isinstance(row[1], str) for row in rows)
-    summary = f"{len(rows)} run{'s' if len(rows) > 1 else ''}, as recorded in {META_FILE} of each."
+    summary = f"{plural(len(rows), 'run')}, as recorded in {META_FILE} of each."
     if unmade:
         summary += f" {unmade} {'have' if unmade > 1 else 'has'} no page yet; wbc report run FOLDER makes it."
     return Report(TITLE + folder.resolve().name, summary, None, sections, [Tile("runs", str(len(rows))), *tiles])

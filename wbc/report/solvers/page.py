@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from wbc.report.document import Cell, Item, Report, Section, Table, Text, Tile, percent, short
+from wbc.report.document import Cell, Item, Report, Section, Table, Text, Tile, formatted, percent, plural, short
 from wbc.report.solvers import appendix, closing, growth, robustness, solving
 from wbc.report.solvers.advice import Advice, advice, disturbances, overall, rounds_spread
 from wbc.report.solvers.data import Data
@@ -74,13 +74,11 @@ def _tiles(data: Data, advised: list[Advice]) -> list[Tile]:
     tiles = [Tile("use", "–" if disturbed else uses.pop())] if len(uses) == 1 else []
     rounds = data["settings"]["rounds"]
     mood = "bad" if disturbed else "good" if rounds > 1 else "doubtful"
-    tiles.append(
-        Tile(f"machine, {rounds} round{'s' if rounds > 1 else ''}", "disturbed" if disturbed else "quiet", mood)
-    )
+    tiles.append(Tile(f"machine, {plural(rounds, 'round')}", "disturbed" if disturbed else "quiet", mood))
     tiles.append(Tile("solvers", str(len(data["solvers"]))))
     tiles.append(Tile("problems", str(sum(len(s["labels"]) for s in data["sets"] if s["kind"] != "growth"))))
     solves = sum(len(m["status"]) for m in data["measures"])
-    tiles.append(Tile("solves judged", f"{solves:,}".replace(",", " ")))
+    tiles.append(Tile("solves judged", formatted(solves)))
     wrong = sum(m["status"].count("INACCURATE") for m in data["measures"] if m["class"] == "default")
     tiles.append(
         Tile(
