@@ -81,12 +81,7 @@ class ArmActuatorLoss(Scenario):
         robot, count = wbc.load(p["robot"]), int(p["joints"])
         if not 1 <= count <= robot.nj:
             raise InvalidInput(f"parameter 'joints' is {count}; {robot.name} has {robot.nj} joints")
-        if p.settings.duration <= FAULT + RECOVERY:
-            least = FAULT + RECOVERY
-            raise InvalidInput(
-                f"duration is {p.settings.duration:g} s; it must be more than {least:g} s: "
-                f"the fault comes at {FAULT:g} s"
-            )
+        p.lasts_beyond(FAULT + RECOVERY, f"the fault comes at {FAULT:g} s")
         wanted = [(joint, answer, FAULT) for joint in robot.joint_names[:count] for answer in ANSWERS]
         wanted += [(joint, "brake", EARLY) for joint in robot.joint_names[1:2]]
         return {f"{joint} at {start:g} s, {answer}": {"joint": joint, "answer": answer, "start": start}
@@ -173,8 +168,8 @@ def _table(robot: PinocchioModel, by: Mapping[str, Sequence[Seen]], early: Seque
     state = robot.state()
     rows = []
     for nothing, released, braked in zip(*(by[answer] for answer in ANSWERS), strict=True):
-        at = int(np.searchsorted(nothing.trial.run["t"], FAULT))
-        state.update(0.0, nothing.trial.run["plant.q"][at], np.zeros(robot.nv))
+        run = nothing.trial.run
+        state.update(0.0, run["plant.q"][measure.row(run, FAULT)], np.zeros(robot.nv))
         weight = abs(float(state.g[robot.joint(nothing.joint)]))
         rows.append(
             (nothing.joint, weight, 1e3 * nothing.rms, 1e3 * released.rms, 1e3 * braked.rms, 1e3 * braked.delay)
@@ -190,7 +185,7 @@ def _table(robot: PinocchioModel, by: Mapping[str, Sequence[Seen]], early: Seque
     )
     lost = []
     for case in early:
-        at = case.trial.run["plant.q"][min(round((case.start + 0.02) / 1e-3), case.trial.run.rows - 1)]
+        at = case.trial.run["plant.q"][measure.row(case.trial.run, case.start + 0.02)]
         lost.append((case.joint, case.start, 1e3 * case.rms, 1e3 * out_of_reach(robot, tool(robot), case.joint, at)))
     beyond = Table(
         ("joint", "fault at [s]", "braked: rms [mm]", "path out of reach by up to [mm]"), lost,

@@ -7,11 +7,13 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar, final
 
 import numpy as np
+import pinocchio
 
 import wbc
 from wbc.errors import InvalidInput
 from wbc.methods import ContactEstimate
 from wbc.models.pinocchio_ import PinocchioModel
+from wbc.report import measure
 from wbc.report.document import Bound, Curve, Plot, Section, Table, Text
 from wbc.sim.disturbance import Push
 from wbc.sim.scenario import Check, Parameter, Parameters, Scenario, ScenarioResult, Setup, Trial
@@ -54,7 +56,7 @@ class Hit:
         """What came of a trial with a push of ``force`` [N]."""
         robot, run, (link, direction, reaction) = trial.robot, trial.run, trial.about
         diagnosis = next((d for d, _ in reaction.events if d.t >= START), None)
-        lever = force * jacobian(robot, link, run["plant.q"][round(START / 1e-3)]).T @ DIRECTIONS[direction]
+        lever = force * jacobian(robot, link, run["plant.q"][measure.row(run, START)]).T @ DIRECTIONS[direction]
         own = abs(float(lever[moved_links(robot).index(link)])) if link in moved_links(robot) else 0.0
         found, estimate = ("none", np.full(3, np.nan)) if diagnosis is None else _estimated(robot, run, diagnosis)
         return cls(trial, link, direction, diagnosis, found, estimate, float(np.linalg.norm(lever)), own)
@@ -93,8 +95,7 @@ class ArmCollision(Scenario):
     duration = 3.0
 
     def cases(self, p: Parameters) -> dict[str, dict[str, Any]]:
-        if p.settings.duration < START + LASTS:
-            raise InvalidInput(f"duration is {p.settings.duration:g} s; the push ends at {START + LASTS:g} s")
+        p.lasts_beyond(START + LASTS, "the push ends then")
         p.number("force", low=0.0, strict=True)
         robot = wbc.load(p["robot"])
         links, link = moved_links(robot), _pushed(robot, p)
@@ -163,9 +164,7 @@ def jacobian(robot: PinocchioModel, link: str, q: Vec) -> Vec:
     state.update(0.0, q, np.zeros(robot.nv))
     frame = state.frame(link)
     J = frame.jacobian()
-    x, y, z = frame.rotation @ _centre(robot, link)
-    arm = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.array(J[:3] - arm @ J[3:])
+    return np.array(J[:3] - pinocchio.skew(frame.rotation @ _centre(robot, link)) @ J[3:])
 
 
 def _centre(robot: PinocchioModel, link: str) -> Vec:
@@ -182,7 +181,7 @@ def _estimated(robot: PinocchioModel, run: wbc.Run, diagnosis: Diagnosis) -> tup
     The surface there is taken for one that faces the free estimate.
     """
     link = moved_links(robot)[diagnosis.joint]
-    J = jacobian(robot, link, run["q"][round(diagnosis.t / 1e-3)])
+    J = jacobian(robot, link, run["q"][measure.row(run, diagnosis.t)])
     free = ContactEstimate(J, diagnosis.missing).closed_form().force
     if not np.linalg.norm(free) > 1e-9:
         return link, free

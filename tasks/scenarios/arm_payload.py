@@ -8,7 +8,6 @@ from typing import Any, ClassVar, final
 import numpy as np
 
 import wbc
-from wbc.errors import InvalidInput
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.report import measure
 from wbc.report.document import Bound, Curve, Plot, Section, Table, Text
@@ -56,11 +55,7 @@ class ArmPayload(Scenario):
     duration = 13.0
 
     def cases(self, p: Parameters) -> dict[str, dict[str, Any]]:
-        if p.settings.duration <= PICK + END:
-            raise InvalidInput(
-                f"duration is {p.settings.duration:g} s; it must be more than {PICK + END:g} s: "
-                f"the load comes at {PICK:g} s"
-            )
+        p.lasts_beyond(PICK + END, f"the load comes at {PICK:g} s")
         p.number("mass", low=0.0, strict=True)
         cases = {
             ADAPTING: {"adapts": True, "noisy": False, "dt": 1e-3},
@@ -92,9 +87,11 @@ class ArmPayload(Scenario):
         done = {trial.name: trial for trial in trials}
         adapting, robot = done[ADAPTING], done[ADAPTING].robot
         errors = {name: _tool_error(robot, trial.run) for name, trial in done.items() if name != HALVED}
-        late = {name: measure.rms(error[-round(END / 1e-3) :]) for name, error in errors.items()}
-        run, ratio = adapting.run, late[STUBBORN] / late[ADAPTING]
-        peak = float(errors[ADAPTING][round(PICK / 1e-3) :].max())
+        run = adapting.run
+        end = measure.row(run, measure.seconds(run) - END)
+        late = {name: measure.rms(error[end:]) for name, error in errors.items()}
+        ratio = late[STUBBORN] / late[ADAPTING]
+        peak = float(errors[ADAPTING][measure.row(run, PICK) :].max())
         smallest = [one.run["signal.SlotineLi.smallest"] for name, one in done.items() if STUBBORN not in name]
         unphysical, rises = int((np.concatenate(smallest) <= 0.0).sum()), [_rise(run), _rise(done[HALVED].run)]
         most, joint = heaviest(robot)
@@ -154,8 +151,7 @@ def _tool_error(robot: PinocchioModel, run: wbc.Run) -> Vec:
 def _rise(run: wbc.Run) -> float:
     """The largest rise of V from one stretch of 10 ms to the next after the pick-up, as a share of V at the pick-up."""
     V = run["signal.SlotineLi.V"]
-    dt = float(run.meta["dt"])
-    watched = V[round(PICK / dt) + 1 :: round(STRETCH / dt)]
+    watched = V[measure.row(run, PICK) + 1 :: measure.row(run, STRETCH)]
     return float(np.maximum(np.diff(watched), 0.0).max(initial=0.0) / watched[0])
 
 

@@ -48,12 +48,7 @@ class ArmReach(Scenario):
     duration = 4.0
 
     def build(self, p: Parameters) -> Setup:
-        if p.settings.duration <= STEP_TIME + 1.0:
-            least = STEP_TIME + 1.0
-            raise InvalidInput(
-                f"duration is {p.settings.duration:g} s; it must be more than {least:g} s: "
-                f"the step comes at {STEP_TIME:g} s"
-            )
+        p.lasts_beyond(STEP_TIME + 1.0, f"the step comes at {STEP_TIME:g} s")
         robot = wbc.load(p["robot"], base="fixed")
         level = _level(p["level"], p.settings.plant)
         frame = tool(robot, "say --set frame=NAME") if p["frame"] in ("", "auto") else p["frame"]

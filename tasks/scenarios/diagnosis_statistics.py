@@ -10,6 +10,7 @@ import numpy as np
 
 import wbc
 from wbc.models.pinocchio_ import PinocchioModel
+from wbc.report import measure
 from wbc.report.document import Section, Table, Text
 from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.disturbance import Disturbance, Payload, Push
@@ -157,7 +158,7 @@ class Draw:
         """One trial of this kind."""
         start = round(float(waving.random.uniform(0.5, 1.5)), 3)
         joint = int(waving.random.integers(waving.robot.nj))
-        at = round(start / 1e-3)
+        at = measure.row(waving.calm, start)
         drawn = _drawn(waving, truth, start, joint, waving.calm["plant.q"][at], waving.calm["tau"][at])
         return cls(waving, truth, start, joint, *drawn, waving.seed())
 

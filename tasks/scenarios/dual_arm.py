@@ -17,12 +17,12 @@ from wbc.report.document import Curve, Plot, Section
 from wbc.sim.scenario import Check, Parameter, Parameters, Scenario, ScenarioResult, Setup, Trial
 from wbc.types import Vec
 
-from .. import CenterOfMass, ContactForce, Frame, LoopClosure, MinimumJerk, Orientation, Posture, Sinusoid
+from .. import CenterOfMass, ContactForce, Frame, LoopClosure, MinimumJerk, Posture, Sinusoid
 from ..criteria.manipulability import ROWS
 from ..motions import pose_motion, swing
 from . import judge
 from .humanoid_stand import STANCES
-from .standing import held_by_damping, joint_constraints, standing_plant
+from .standing import held_by_damping, joint_constraints, standing_plant, upright
 
 #: The hands of each robot, left and right; how they are held, where the robot's own stance leaves them too little room
 #: [rad]; and how much the bar moves [m] and turns [rad].
@@ -82,7 +82,7 @@ class DualArm(Scenario):
         stack = wbc.Stack(
             [
                 CenterOfMass(target=np.array(state.com), kp=400, weight=10.0),
-                Orientation(stance.upright, target=np.array(state.frame(stance.upright).rotation), kp=100, weight=10.0),
+                upright(state, stance, weight=10.0),
                 Frame(left, target=motion, kp=400, weight=10.0),
                 ContactForce("bar", target=press, weight=1.0),
                 Posture(robot.q0, kp=100, weight=1e-3),

@@ -11,19 +11,20 @@ import numpy as np
 
 from wbc.errors import InvalidInput
 from wbc.models.pinocchio_ import PinocchioModel
+from wbc.report import measure
 from wbc.report.document import Section, Table, Text
 from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.scenario import Check, Parameter, Parameters, Scenario, ScenarioResult, Setup, Trial
 
 from ..components.fault_reaction import TABLE
-from . import humanoid_stand, judge, quadruped_stand
+from . import humanoid_stand, judge
 from .fault_trials import Case, Outcome, Stand, learnt
 from .held_sway import Held, HeldSway, reserve, table_with
 from .humanoid_joint_loss import HumanoidJointLoss
 from .quadruped_joint_loss import QuadrupedJointLoss
+from .stand_family import STANCES
 from .standing import held_by_damping
 
-ROBOTS: Sequence[str] = (*humanoid_stand.STANCES, *quadruped_stand.STANCES)
 #: When the motor fails: the sway is at its full size [s].
 FAULT = 1.2
 #: The sway's frequencies are multiples of 0.1 Hz: it repeats itself after so long [s]. Moments are a quarter farther
@@ -100,7 +101,7 @@ class FaultFamily(Scenario):
         "robot": "g1", "joints": "all", "moments": 8, "left": 0.0, "noise": False, "masses": 0.0, "seed": 0,
         "answer": "usual",
     }  # fmt: skip
-    robots = ROBOTS
+    robots = STANCES
     plants = ("mujoco",)
     duration = 1.6  # of eight moments two are up to 1.57 s apart: every phase of the sway is passed
 
@@ -173,7 +174,7 @@ def chosen(robot: PinocchioModel, text: str) -> list[str]:
 def _row(joint: str, outcomes: Sequence[Outcome], left: float) -> Row:
     case, _, sway = outcomes[0].trial.about
     stand: Stand = case.stand
-    robot, off, at = stand.robot(), OFF_ROUGH if stand.rough else OFF, round(FAULT / float(outcomes[0].run.meta["dt"]))
+    robot, off, at = stand.robot(), OFF_ROUGH if stand.rough else OFF, measure.row(outcomes[0].run, FAULT)
     contacts, held = held_by_damping(robot), sway.held([joint])
     good = [o.stands and float(o.error[-1]) < off for o in outcomes]
     possible = [left > 0.0 or reserve(robot, contacts, o.run["plant.q"][at], [joint]) >= 0.0 for o in outcomes]

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from wbc.report import measure
 from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.scenario import Check, Parameters, Scenario, ScenarioResult, Setup, Trial
 
@@ -141,7 +142,7 @@ def reason(stand: Stand, pair: Pair) -> tuple[float, float]:
     the most over the sway before it. Zero: statics could do without it."""
     robot = stand.robot()
     contacts, run, fault = standing_stack(robot, stand.stance).contacts, pair.without.run, pair.without.fault
-    at = int(np.searchsorted(run["t"], fault.start))
+    at = measure.row(run, fault.start)
     sway = [least_torque(robot, contacts, run["plant.q"][k], fault.joint) for k in range(at // 4, at + 1, at // 16)]
     return sway[-1], float(np.max(sway))
 

@@ -71,7 +71,7 @@ def outcomes(pairs: Sequence[Pair], varied: Sequence[Pair]) -> Section:
 def _row(pair: Pair) -> tuple[str | float | None, ...]:
     without, answered = pair.without, pair.answered
     joint = without.run.meta["joint_names"].index(without.fault.joint)
-    at = min(round(without.fault.start / without.run.meta["dt"]), without.run.rows - 1)
+    at = measure.row(without.run, without.fault.start)
     lost = without.fault.missing(without.fault.start, float(without.run["tau"][at - 1, joint]))
     return (
         pair.label, lost, without.fate, 1e3 * without.rms, answered.fate, 1e3 * answered.rms, 1e3 * answered.slip,

@@ -43,6 +43,8 @@ NOISE = {
 
 #: Settings of tasks by name, and what they become: nobody can say that other gains would have helped.
 Gains = Mapping[str, Mapping[str, Any]]
+#: Gains that noise of the sensors allows: damping turns noise of the velocity into force.
+GAINS: Gains = {"CenterOfMass": {"kp": 100.0}, "Posture": {"kp": 10.0, "weight": 1e-3}}
 
 
 @final

@@ -18,11 +18,11 @@ from wbc.models.pinocchio_ import PinocchioModel
 from wbc.stack.contact import Contact
 from wbc.types import Mat, Vec
 
-from .. import CenterOfMass, Orientation, Posture, Release, Retarget, When
+from .. import CenterOfMass, Posture, Release, Retarget, When
 from ..components.diagnosis import Diagnosis
 from ..components.fault_reaction import TABLE
 from .fault_trials import Stand
-from .standing import Stance, held_by_damping, joint_constraints
+from .standing import Stance, held_by_damping, joint_constraints, upright
 
 #: Positions per axis that the sway's box is sampled at; boxes of a half of it and single positions are on the grid.
 SAMPLES = 5
@@ -330,9 +330,8 @@ def postures(robot: PinocchioModel, stance: Stance) -> dict[tuple[int, int, int]
     state = robot.state()
     start, still = np.array(state.com), np.zeros(robot.nv)
     com = CenterOfMass(target=start, kp=400)
-    upright = Orientation(stance.upright, target=np.array(state.frame(stance.upright).rotation), kp=100)
     stack = wbc.Stack(
-        [com, upright, Posture(robot.q0, kp=100, weight=1e-4)],
+        [com, upright(state, stance), Posture(robot.q0, kp=100, weight=1e-4)],
         contacts=held_by_damping(robot), subject_to=joint_constraints(robot)[1:],
     )  # fmt: skip
     controller = wbc.Controller(robot, stack, level=wbc.VelocityLevel(), dt=STEP)

@@ -9,7 +9,7 @@ from typing import ClassVar, final
 from wbc.sim.scenario import Check, Parameter, Parameters
 
 from .fault_scenario import FaultScenario, found_in_time
-from .fault_trials import Gains, Outcome, Stand
+from .fault_trials import GAINS, Gains, Outcome, Stand
 from .humanoid_stand import STANCES
 
 JOINTS: Mapping[str, str] = {"g1": "left_knee_joint", "talos": "leg_left_5_joint", "humanoid": "left_knee"}
@@ -17,8 +17,6 @@ JOINTS: Mapping[str, str] = {"g1": "left_knee_joint", "talos": "leg_left_5_joint
 LOST: Mapping[str, Sequence[str]] = {"g1": ["waist_roll_joint"], "talos": [], "humanoid": []}
 #: Least threshold with noise or wrong masses [N m].
 FLOOR: Mapping[str, float] = {"g1": 0.5, "talos": 1.0, "humanoid": 0.5}
-#: Gains that noise of the sensors allows: damping turns noise of the velocity into force.
-GAINS: Gains = {"CenterOfMass": {"kp": 100.0}, "Posture": {"kp": 10.0, "weight": 1e-3}}
 #: Where sensors have no noise. The stiffer usual gains hold Talos longer, but no better, without an answer.
 CLEAN_GAINS: Mapping[str, Gains] = {"g1": {}, "talos": GAINS, "humanoid": GAINS}
 #: Amplitude of the sway where it is not the stance's [m]. A little further forward Talos needs its ankle; else it may

@@ -16,12 +16,12 @@ from wbc.report import measure
 from wbc.sim.scenario import Check, Parameter, Parameters, Scenario, ScenarioResult, Setup, Trial
 from wbc.stack.contact import Contact
 
-from .. import CenterOfMass, ContactSchedule, Frame, Orientation, Posture
+from .. import CenterOfMass, ContactSchedule, Frame, Posture
 from . import judge
 from .estimated import PARAMETERS, off_estimate, sensing
 from .humanoid_stand import STANCES
 from .plan_step import PlanStep
-from .standing import Stance, held_by_damping, joint_constraints, standing_plant
+from .standing import Stance, held_by_damping, joint_constraints, standing_plant, upright
 from .walking import Footstep, Gait, Walk, walk
 
 GAITS: Mapping[str, Gait] = {
@@ -113,7 +113,7 @@ def walking_stack(state: RobotState, stance: Stance, way: Walk, contacts: Sequen
     return wbc.Stack(
         [
             CenterOfMass(target=way.com, kp=100),
-            Orientation(stance.upright, target=np.array(state.frame(stance.upright).rotation), kp=100),
+            upright(state, stance),
             *(Frame(frame, target=motion, kp=100, weight=10.0) for frame, motion in way.feet.items()),
             Posture(robot.q0, kp=100, weight=1e-4),
         ],
@@ -125,7 +125,7 @@ def walking_stack(state: RobotState, stance: Stance, way: Walk, contacts: Sequen
 
 def _miss(run: wbc.Run, robot: PinocchioModel, step: Footstep) -> float:
     """How far from where it was to go a foot stands, seen from above [m]; inf where it does not carry."""
-    row, state = min(round((step.down + PLACED) / float(run.meta["dt"])), run.rows - 1), robot.state()
+    row, state = measure.row(run, step.down + PLACED), robot.state()
     state.update(0.0, run["plant.q"][row], run["plant.v"][row])
     name = next(name for name, contact in run.meta["contacts"].items() if contact["frame"] == step.frame)
     carries = run[f"plant.f.{name}"][row, 2] > 0.0

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.linalg import block_diag
 
 import wbc
 from wbc.models.model import RobotModel
@@ -27,12 +28,7 @@ def least_torque(robot: RobotModel, contacts: Sequence[Contact], q: Vec, joint: 
     state = robot.state()
     state.update(0.0, q, np.zeros(robot.nv))
     J = np.vstack([contact.rows(state).J for contact in contacts])
-    cones = [contact.cone() for contact in contacts]
-    K = np.zeros((sum(len(cone) for cone in cones), len(J)))
-    row = column = 0
-    for cone in cones:
-        K[row : row + len(cone), column : column + cone.shape[1]] = cone
-        row, column = row + len(cone), column + cone.shape[1]
+    K = block_diag(*(contact.cone() for contact in contacts))
     nb, i = robot.nb, robot.joint(joint)
     torque_rows, g = -J.T[nb:], state.g[nb:]  # τ = g − Jᵀ f
     most = np.where(np.arange(robot.nj) == i, np.inf, robot.limits.tau_max)

@@ -16,10 +16,10 @@ from wbc.sim.plant import Plant
 from wbc.sim.scenario import Check, Parameter, Parameters, Scenario, ScenarioResult, Setup, Trial
 from wbc.types import Vec
 
-from . import arm_reach, humanoid_stand, judge, quadruped_stand
-from .standing import Stance, standing_plant, standing_stack, sway
+from . import arm_reach, judge
+from .stand_family import STANCES
+from .standing import standing_plant, standing_stack, sway
 
-STANCES: Mapping[str, Stance] = {**humanoid_stand.STANCES, **quadruped_stand.STANCES}
 #: The error counts from here on [s]: drives that are sent no torques sag first.
 SAGGED = 0.5
 #: What commanded positions with torques keep to, rms [m].

@@ -8,7 +8,6 @@ from typing import Any, ClassVar, NamedTuple, final
 import numpy as np
 
 import wbc
-from wbc.errors import InvalidInput
 from wbc.methods import FaultFraction
 from wbc.models import PlanarPR
 from wbc.report import measure
@@ -80,8 +79,7 @@ class PrFault(Scenario):
     duration = 1.0
 
     def cases(self, p: Parameters) -> dict[str, dict[str, Any]]:
-        if p.settings.duration <= AT:
-            raise InvalidInput(f"duration is {p.settings.duration:g} s; residuals are read at {AT:g} s: give more")
+        p.lasts_beyond(AT, "residuals are read then")
         return {kind: {"faults": faults} for kind, faults in FAULTS.items()}
 
     def build(self, p: Parameters) -> Setup:
@@ -96,7 +94,7 @@ class PrFault(Scenario):
         done, solver = list(trials), p.settings.solver
         seen = {trial.name: Seen.of(trial) for trial in done}
         total = seen[done[0].name]
-        run, row = total.run, round(AT / total.run.meta["dt"])
+        run, row = total.run, measure.row(total.run, AT)
         momentum = done[0].robot.momentum(Q_START, V_START)
         fast = max(PUBLISHED)
         alarm = run[f"signal.{_name(fast)}.alarm"]
@@ -166,7 +164,7 @@ def _total_fault(total: Seen, momentum: Vec) -> Section:
         "r = K (∫ (τ − β − r) dt − (p − p(0))), and ṙ = K (τ_f − r) from r(0) = 0, whatever the robot does."
     )
     rows = [
-        (f"K1 = {gain:g}", float(total.residual(gain)[round(AT / total.run.meta["dt"]), 0]),
+        (f"K1 = {gain:g}", float(total.residual(gain)[measure.row(total.run, AT), 0]),
          float(TAU[0] * (1 - np.exp(-gain * AT))), float(-gain * momentum[0]))
         for gain in PUBLISHED
     ]  # fmt: skip

@@ -8,7 +8,7 @@ from typing import ClassVar, final
 from wbc.sim.scenario import Check, Parameter, Parameters
 
 from .fault_scenario import FaultScenario, found_in_time
-from .fault_trials import Gains, Outcome, Stand
+from .fault_trials import GAINS, Gains, Outcome, Stand
 from .quadruped_stand import STANCES
 
 JOINTS: Mapping[str, str] = {"go2": "FL_hip_joint", "quadruped": "front_left_hip_roll"}
@@ -16,7 +16,6 @@ KNEES: Mapping[str, str] = {"go2": "FL_calf_joint", "quadruped": "front_left_kne
 #: What three legs cannot make good.
 LOST: Mapping[str, Sequence[str]] = {name: [knee] for name, knee in KNEES.items()}
 FLOOR = 0.2
-GAINS: Gains = {"CenterOfMass": {"kp": 100.0}, "Posture": {"kp": 10.0, "weight": 1e-3}}
 FIRST, BETWEEN = 2.0, 0.25
 #: Other gains, as somebody might have chosen them.
 VARIANTS: Mapping[str, Gains] = {

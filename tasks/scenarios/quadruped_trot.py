@@ -16,13 +16,13 @@ from wbc.sim.scenario import Check, Parameter, Parameters, Scenario, ScenarioRes
 from wbc.stack.plan_view import PlanView
 from wbc.types import Vec
 
-from .. import CenterOfMass, ContactSchedule, MinimumJerk, Orientation, Piecewise, Position, Posture
+from .. import CenterOfMass, ContactSchedule, MinimumJerk, Piecewise, Position, Posture
 from ..trajectories import Trajectory
 from . import judge
 from .estimated import PARAMETERS, off_estimate, sensing
 from .plan_step import PlanStep
 from .quadruped_stand import STANCES
-from .standing import Stance, held_by_damping, joint_constraints, standing_plant
+from .standing import Stance, held_by_damping, joint_constraints, standing_plant, upright
 
 #: The weight goes over the middle of the feet in ``CENTRED`` s; the first feet swing at ``START``, the last are down
 #: ``END`` s before the run ends. A pair is up for ``SWING``, all feet are down for ``STAND`` between [s].
@@ -165,7 +165,7 @@ def trotting_stack(robot: PinocchioModel, stance: Stance, plant: MujocoPlant, tr
     return wbc.Stack(
         [
             CenterOfMass(target=MinimumJerk(state.com, [*middle[:2], state.com[2]], duration=CENTRED), kp=100),
-            Orientation(stance.upright, target=np.array(state.frame(stance.upright).rotation), kp=100),
+            upright(state, stance),
             *(
                 Position(foot, target=swinging(place, [s.lifted for s in trot if foot in s.feet]), kp=100, weight=10.0)
                 for foot, place in places.items()

@@ -15,10 +15,10 @@ from wbc.sim.plant import IntegratorPlant, Plant
 from wbc.sim.scenario import Check, Parameter, Parameters, Scenario, ScenarioResult, Setup, Trial
 from wbc.stack.hierarchy import HIERARCHIES
 
-from .. import CenterOfMass, MinimumJerk, Orientation, Position, Posture
+from .. import CenterOfMass, MinimumJerk, Position, Posture
 from . import judge
 from .humanoid_stand import STANCES
-from .standing import Stance, held_by_damping, joint_constraints, standing_plant
+from .standing import Stance, held_by_damping, joint_constraints, standing_plant, upright
 
 #: The hand's target leaves at this time [s], and arrives this much later.
 START, WAY = 0.5, 1.5
@@ -86,7 +86,7 @@ def _stack(robot: PinocchioModel, stance: Stance, reach: float) -> wbc.Stack:
         [
             [
                 CenterOfMass(target=np.array(state.com), kp=100),
-                Orientation(stance.upright, target=np.array(state.frame(stance.upright).rotation), kp=100),
+                upright(state, stance),
             ],
             # Where an arm is stretched out, a hand alone asks for any joint speed that brings it a little nearer: with
             # a hundredth of its weight a posture leaves torques that change sides in every tick, with a tenth none.

@@ -131,7 +131,7 @@ def standing_stack(robot: PinocchioModel, stance: Stance) -> wbc.Stack:
     state = robot.state()
     tasks: list[Any] = [
         CenterOfMass(target=sway(state, stance), kp=400),
-        Orientation(stance.upright, target=np.array(state.frame(stance.upright).rotation), kp=100),
+        upright(state, stance),
         Posture(robot.q0, kp=100, weight=1e-4),
     ]
     if stance.hand is not None:
@@ -145,6 +145,11 @@ def standing_stack(robot: PinocchioModel, stance: Stance) -> wbc.Stack:
         contacts=held_by_damping(robot),
         subject_to=joint_constraints(robot),
     )
+
+
+def upright(state: RobotState, stance: Stance, weight: float = 1.0) -> Orientation:
+    """Keep the frame that the stance keeps upright as it is."""
+    return Orientation(stance.upright, target=np.array(state.frame(stance.upright).rotation), kp=100, weight=weight)
 
 
 def sway(state: RobotState, stance: Stance) -> Sinusoid:

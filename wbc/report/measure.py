@@ -59,6 +59,11 @@ def seconds(run: Run) -> float:
     return round(len(run.columns["t"]) * float(run.meta["dt"]), 9)
 
 
+def row(run: Run, t: float) -> int:
+    """The row of a time t [s] from 0, at most the last."""
+    return min(round(t / float(run.meta["dt"])), run.rows - 1)
+
+
 def tick_times(run: Run) -> TickTimes:
     """Median, 99th percentile and maximum of the controller's tick."""
     tick = np.asarray(run.columns["tick_us"], dtype=np.float64)

@@ -10,6 +10,7 @@ import numpy as np
 
 from wbc import checks
 from wbc.arguments import TellsArguments
+from wbc.errors import InvalidInput
 
 if TYPE_CHECKING:
     from wbc.control.controller import Controller
@@ -95,6 +96,16 @@ class Parameters(dict[str, Any]):
     def count(self, name: str) -> int:
         """A parameter that must be at least 1, as a whole number."""
         return int(self.number(name, low=1))
+
+    def lasts_beyond(self, end: float, why: str) -> None:
+        """Check that the run is longer than ``end`` [s]; ``why``, in a few words, for the message.
+
+        Raises:
+            InvalidInput: it is not.
+        """
+        duration = self.settings.duration
+        if duration <= end:
+            raise InvalidInput(f"duration is {duration:g} s; it must be more than {end:g} s: {why}")
 
 
 @final
