@@ -79,7 +79,7 @@ class PrFault(Scenario):
     duration = 1.0
 
     def cases(self, p: Parameters) -> dict[str, dict[str, Any]]:
-        p.lasts_beyond(AT, "residuals are read then")
+        p.lasts_beyond(AT, f"residuals are read at {AT:g} s")
         return {kind: {"faults": faults} for kind, faults in FAULTS.items()}
 
     def build(self, p: Parameters) -> Setup:

@@ -48,7 +48,7 @@ class StandFamily(Scenario):
     duration = 3.2
 
     def cases(self, p: Parameters) -> dict[str, dict[str, Any]]:
-        p.lasts_beyond(START, "pushes and loads come then")
+        p.lasts_beyond(START, f"pushes and loads come at {START:g} s")
         name, load, sides = p["robot"], p["load"], p.count("sides")
         force = usual_or("push", p["push"], PUSH[name])
         mass = usual_or("load", load, LOAD.get(name, 0.0))
