@@ -70,7 +70,7 @@ class Thresholds(metaclass=TellsArguments):
         are not in it.
 
         Raises:
-            InvalidInput: a gain or period that is not positive, a negative deviation or floor.
+            InvalidInput: no state, a gain or period that is not positive, a negative deviation or floor.
 
         Example:
             >>> import wbc
@@ -79,7 +79,7 @@ class Thresholds(metaclass=TellsArguments):
             >>> bool((Thresholds.predicted(state, velocity=0.01, gain=100.0, dt=1e-3).value > 0.0).all())
             True
         """
-        nj = state.model.nj
+        nj = checks.instance("state", state, RobotState, "a state of a robot, as robot.state()").model.nj
         spread, share = checks.gains("velocity", velocity, nj), _share(gain, dt, nj)
         momentum = np.sqrt((_relative_inertia(state) ** 2) @ spread**2)
         deviation = np.sqrt(2.0 / (2.0 - share)) * share * momentum / dt

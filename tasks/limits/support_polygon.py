@@ -59,12 +59,13 @@ class SupportPolygon(KernelBarrier):
         """The polygon of the feet, or of the feet called ``frames``, where the reference configuration has them.
 
         Raises:
-            NotSupported: the robot's description knows no feet. UnknownFrame: no such foot.
+            NotSupported: the robot's description knows no feet. UnknownFrame: no such foot. InvalidInput: no robot.
         """
+        robot = checks.instance("robot", robot, RobotModel, "a robot from wbc.load(...)")
         if not isinstance(robot, PinocchioModel) or not robot.feet:
             raise NotSupported(f"nothing is known about the feet of {robot.name}; give the points of the polygon")
         state, corners = robot.state(), []
-        for name in robot.feet if frames is None else frames:
+        for name in robot.feet if frames is None else checks.names("frames", frames):
             if name not in robot.feet:
                 raise UnknownFrame(name, robot.feet)
             placement = state.frame(name).placement

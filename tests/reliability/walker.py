@@ -43,9 +43,6 @@ ELSEWHERE = {
     "Reading.time",
 }
 
-#: Second constructors that do not say yet what is wrong with what they are given.
-UNCHECKED = {"Obstacle.between", "SupportPolygon.under", "Thresholds.predicted"}
-
 
 def nonsense() -> dict[str, Any]:
     """Values that are no argument of anything, or of very little."""
@@ -99,7 +96,7 @@ def faults(source: str) -> Iterator[tuple[str, str]]:
 def _of_call(call: ast.Call, names: dict[str, Any]) -> Iterator[tuple[str, str]]:
     try:
         function = _value(call.func, names)
-        makes = inspect.isclass(getattr(function, "__self__", None)) and function.__qualname__ not in UNCHECKED
+        makes = inspect.isclass(getattr(function, "__self__", None))
         if not (_is_ours(function) and (makes or inspect.isclass(function) or inspect.isfunction(function))):
             return  # methods are called with models and states, by plans
         positional = [_value(argument, names) for argument in call.args]

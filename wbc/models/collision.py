@@ -67,6 +67,9 @@ class Obstacle:
 
         Its length is that in the middle of all; before and after the motion it stays.
 
+        Raises:
+            InvalidInput: places of other shapes or that are not finite, a rate that is not positive.
+
         Example:
             >>> import numpy as np
             >>> from wbc.models.collision import Obstacle
@@ -75,6 +78,8 @@ class Obstacle:
             >>> arm.at(0.1).translation.round(3), arm.at(0.1).rotation[:, 2].round(3)
             (array([0.2, 0. , 0. ]), array([1., 0., 0.]))
         """
+        start = checks.array("start", start, (None, 3))
+        end, rate = checks.array("end", end, start.shape), checks.number("rate", rate, low=0.0, strict=True)
         length = float(np.median(np.linalg.norm(end - start, axis=1)))
         return cls(name, Cylinder(radius, length), partial(_along, start, end, rate))
 
