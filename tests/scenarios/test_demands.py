@@ -147,7 +147,7 @@ def test_the_least_torque_is_that_at_the_fault_and_the_most_that_of_the_sway_bef
     leans = np.linspace(0.0, 0.06, 161)
     q = np.tile(HUMANOID.q0, (len(leans), 1))
     q[:, -HUMANOID.nj + HUMANOID.joint("waist_pitch")] += leans - leans[80]
-    run = Run({"t": 0.01 * np.arange(161), "plant.q": q})
+    run = Run({"t": 0.01 * np.arange(161), "plant.q": q}, {"dt": 0.01})
     fault = ActuatorFault(joint="waist_pitch", start=1.6)
     without: Any = SimpleNamespace(run=run, fault=fault)
     stand = Stand("humanoid", STANCES["humanoid"], 0.5)

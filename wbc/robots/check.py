@@ -120,9 +120,8 @@ class _Check:
                 add("stale", "states are stale: their time stands still")
             elif same > DIFFERENT * len(steps):
                 add("stale", f"{same} of {len(steps)} states are the one before once more")
-            elif (steps < 0.0).any():
-                older = f"{int((steps < 0.0).sum())} of {len(steps)} are older than the one before"
-                add("stale", f"states come out of order: {older}")
+            elif older := int((steps < 0.0).sum()):
+                add("stale", f"states come out of order: {older} of {len(steps)} are older than the one before")
             elif not 1.0 - DIFFERENT < passed < 1.0 + DIFFERENT:
                 add("rate", f"the robot's clock runs {passed:.3g} times as fast as ours")
         if not 1.0 - DIFFERENT < rate * self.period < 1.0 + DIFFERENT:
@@ -208,9 +207,8 @@ class _Check:
         for k in range(round(seconds / self.period)):
             t, position = k * self.period, self.still.copy()
             if motor is not None:
-                position[motor] += (
-                    self.amplitude[motor] * min(1.0, t * FREQUENCY / GROWS) * np.sin(2.0 * np.pi * FREQUENCY * t)
-                )
+                swing = min(1.0, t * FREQUENCY / GROWS) * np.sin(2.0 * np.pi * FREQUENCY * t)
+                position[motor] += self.amplitude[motor] * swing
             order = self._send(position)
             self.port.sleep(self.period)
             self._hear()
@@ -281,24 +279,29 @@ class _Check:
             add("latency", f"orders act {1e3 * latency:.0f} ms late")
         return Response(q, tau, Q, V, A, S, T)
 
-    def _asked(self, seen: _Moved, lag: int, own: int) -> Mat:
+    def _asked(self, seen: _Moved, lag: int, own: float) -> Mat:
         """The torques (N, n) that were asked for, had orders acted so many periods late.
 
         The law on the robot is about its state ``own`` periods before, an order about the one that was read before it.
         """
-        late = np.roll(seen.wanted, lag, axis=0)
-        return late + np.roll(seen.felt, own if self.device.law == "impedance" else lag + 1, axis=0)
+        before = np.roll(seen.felt, 1 if self.device.law == "impedance" else lag + 1, axis=0)
+        own = own if self.device.law == "impedance" else 1.0
+        return np.roll(seen.wanted, lag, axis=0) + (1.0 - own) * seen.felt + own * before
 
-    def _lag(self, seen: _Moved, j: int) -> tuple[int, int]:
-        """How many periods torques, or positions where there are none, follow what was asked for; and ``own``, without
-        which the torque of the state before would hide a delay."""
+    def _lag(self, seen: _Moved, j: int) -> tuple[int, float]:
+        """How many periods torques, or positions where there are none, follow what was asked for; and ``own``, between
+        two states where the law is faster than orders: without it the torque of the state before would hide a delay."""
         most = min(len(seen.tau) // 2, round(0.1 / self.period))
         if not self.device.has_torque:
             q, wanted = (one[:, j] - one[:, j].mean() for one in (seen.q, seen.wanted))
-            return int(np.argmax([np.corrcoef(q[most:], np.roll(wanted, k)[most:])[0, 1] for k in range(most)])), 0
-        pairs = [(lag, own) for lag in range(most) for own in (0, 1)]
-        errors = [np.var((seen.tau - self._asked(seen, *pair))[most:, j]) for pair in pairs]
-        return pairs[int(np.argmin(errors))]
+            return int(np.argmax([np.corrcoef(q[most:], np.roll(wanted, k)[most:])[0, 1] for k in range(most)])), 0.0
+        fits = []
+        for lag in range(most):
+            now, before = ((seen.tau - self._asked(seen, lag, own))[most:, j] for own in (0.0, 1.0))
+            (_, along), (_, size) = np.cov(now, now - before)
+            own = float(np.clip(along / size, 0.0, 1.0)) if size > 0.0 else 0.0
+            fits.append((float(np.var((1.0 - own) * now + own * before)), lag, own))
+        return min(fits)[1:]
 
     # ---- what it was
     def explain(self, seen: Response) -> None:
@@ -446,14 +449,9 @@ class _Check:
 
 
 def check(
-    port: Port,
-    robot: RobotModel,
-    *,
-    device: Device | None = None,
-    joint_map: JointMap | None = None,
-    hands: Hands | None = None,
-    progress: Callable[[float], None] = lambda done: None,
-) -> Checked:
+    port: Port, robot: RobotModel, *, device: Device | None = None, joint_map: JointMap | None = None,
+    hands: Hands | None = None, progress: Callable[[float], None] = lambda done: None,
+) -> Checked:  # fmt: skip
     """Check a robot whose base is fixed, as above; ``robot`` is its model with ``base="fixed"``.
 
     Args:
