@@ -74,7 +74,8 @@ def photograph() -> None:
     with TemporaryDirectory() as folder:
         write(run_report(result), Path(folder))
         command = ["chromium", "--headless=new", "--no-sandbox", "--enable-unsafe-swiftshader", "--hide-scrollbars",
-                   "--window-size=1280,860", "--timeout=8000", f"--screenshot={FOLDER / 'report.png'}",
+                   "--window-size=1280,860", "--virtual-time-budget=20000", f"--screenshot={FOLDER / 'report.png'}",
+                   "--run-all-compositor-stages-before-draw",  # else before the 3-D view is drawn
                    (Path(folder) / "report.html").as_uri()]  # fmt: skip
         subprocess.run(command, check=True, stderr=subprocess.DEVNULL)
 
