@@ -7,6 +7,7 @@ from types import ModuleType
 
 import pytest
 
+import wbc
 from tests.families import legs, members, odd_robots, robots, twins
 from tests.families.oracle import judge
 from tests.seeds import SEED
@@ -41,6 +42,17 @@ def test_limits_that_differ_by_rounding_hold_one_direction_not_two() -> None:
         command = control.tick(1e-3 * tick, q, v)
         assert command.status.ok and judge(control, command).word == "right"
         q, v = command.q, command.v
+
+
+@pytest.mark.parametrize("case", [1131007710, 1161005006])
+def test_no_tick_takes_more_problems_than_its_budget(case: int) -> None:
+    """Levels are decided one by one, and once more where what was let go has to be held."""
+    drawn, q, v, _ = legs.draw(case)
+    for budget in range(2, 10):
+        hierarchy = wbc.Strict(budget=budget)
+        control = wbc.Controller(drawn.model, drawn.stack, level=drawn.level, hierarchy=hierarchy, dt=drawn.dt)
+        control.tick(0.0, q, v)
+        assert control.counts.total <= budget
 
 
 @pytest.mark.parametrize(

@@ -57,7 +57,7 @@ class Hierarchy(metaclass=TellsArguments):
         # Who ranks nothing need not wait for the kernels.
         from wbc.qp.lexicographic.solver import LexicographicSolver
 
-        most = 2 * len(stages) + 1 if self.budget is None else self.budget
+        most = 3 * len(stages) + 1 if self.budget is None else self.budget
         return LexicographicSolver(problem, stages, budget=most, leave=weighted, pulls=pulls(ranks) if pulls else ())
 
 
@@ -97,9 +97,9 @@ class Strict(_Ranked):
     that of the tasks with their damping, and the levels below are slowed.
 
     While all levels but the last can be met exactly this is one QP. Where one cannot, it and those below it are decided
-    one by one: ``budget`` QPs a tick, by default two for each level and one. Levels that the budget does not reach are
-    "not optimised": they stay where the level above left them. A tick without any strict answer minimises the weighted
-    sum instead ("weighted fallback"). Neither is ``ok``. ``command.levels`` has the result of each level, with its own
+    one by one: ``budget`` QPs a tick, by default three for each level and one. Levels that it does not reach are "not
+    optimised": they stay where the level above left them. A tick without any strict answer minimises the weighted sum
+    instead ("weighted fallback"). Neither is ``ok``. ``command.levels`` has the result of each level, with its own
     certificate.
 
     Source: Kanoun, Lamiraux, Wieber, IEEE T-RO 27(4), 2011; Escande, Mansard, Wieber, IJRR 33(7), 2014.

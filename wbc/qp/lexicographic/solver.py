@@ -154,7 +154,9 @@ class LexicographicSolver(RowSolver):
         code = rank(self._ranking.address)
         if code == AGAIN:
             work[Count.START], work[Count.ALL] = work.item(Count.BEGAN), 1
+            spent = work[Count.QPS : Count.WORK + 1].copy()
             fill(self.staged.address)
+            work[Count.QPS : Count.WORK + 1] = spent
             code = rank(self._ranking.address)
         self.began, self.ended, self.iterations = work.item(Count.BEGAN), work.item(Count.ENDED), work.item(Count.WORK)
         counts.first += work.item(Count.AT_ONCE)

@@ -272,6 +272,7 @@ def rank(at: int) -> int:
         k += 1
         certified = prove(at, k) and certified
     r.sizes[Count.ENDED], r.sizes[Count.QPS] = k, qps
-    if not (code == SOLVED and certified) and r.sizes[Count.LOOSE]:
+    again = qps + 1 + last - r.sizes[Count.BEGAN]
+    if not (code == SOLVED and certified) and r.sizes[Count.LOOSE] and again <= r.sizes[Count.BUDGET]:
         return AGAIN
     return SOLVED
