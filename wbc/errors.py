@@ -15,8 +15,7 @@ from __future__ import annotations
 import difflib
 import sys
 import warnings
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from pathlib import Path
 
 #: The folders of this library.
@@ -52,17 +51,6 @@ class MemberFailed(InvalidInput):
 
     def __init__(self, where: str, cause: BaseException) -> None:
         super().__init__(f"{where} raised {type(cause).__name__}: {_text_of(cause)}{_place_of(cause)}")
-
-
-@contextmanager
-def naming(where: str, kept: type[WbcError] = MemberFailed) -> Iterator[None]:
-    """Inside, whatever is raised is a :class:`MemberFailed` of ``where``; what is ``kept`` has a name of its own."""
-    try:
-        yield
-    except kept:
-        raise
-    except Exception as cause:
-        raise MemberFailed(where, cause) from cause
 
 
 class InvalidProblem(InvalidInput):

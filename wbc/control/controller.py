@@ -26,7 +26,7 @@ from wbc.control.measured import Measured
 from wbc.control.recovery import FallbackSequence, Recovery
 from wbc.control.solving import Solving
 from wbc.control.watchdog import Watch, Watchdog
-from wbc.errors import InvalidInput, MemberFailed, NotSupported, WbcError, naming
+from wbc.errors import InvalidInput, MemberFailed, NotSupported, WbcError
 from wbc.models import plausible
 from wbc.models.model import RobotModel
 from wbc.qp.solver import Solver
@@ -310,10 +310,13 @@ class Controller(Solving, metaclass=TellsArguments):
             self._choose_contacts(self.last)
         if self.components:
             said = self._overrides()
-            # What was given may raise whatever it likes when it is looked at.
-            with naming(f"overrides of {', '.join(name for name, _ in said)}", WbcError):
+            try:
                 self.plan.applied.apply(said)
                 self.plan.applied.refuse_no_inertia(self.state)
+            except WbcError:
+                raise
+            except Exception as cause:  # what was given may raise whatever it likes when it is looked at
+                raise MemberFailed(f"overrides of {', '.join(name for name, _ in said)}", cause) from cause
         if self._solved is self.plan:
             self.plan.observe()
         self._solved = None
@@ -323,12 +326,14 @@ class Controller(Solving, metaclass=TellsArguments):
     def _overrides(self) -> list[tuple[str, Overrides]]:
         said = []
         for component in self.components:
-            with naming(f"{component.name}.before"):
+            try:
                 overrides = component.before(self.state, self.last, self.plan)
                 if overrides is not None and type(overrides) is not Overrides:
                     raise InvalidInput(
                         f"it returned {checks.shown(overrides)}; it must return wbc.Overrides(...) or None"
                     )
+            except Exception as cause:
+                raise MemberFailed(f"{component.name}.before", cause) from cause
             if overrides is not None:
                 said.append((component.name, overrides))
         return said
@@ -336,8 +341,12 @@ class Controller(Solving, metaclass=TellsArguments):
     def _choose_contacts(self, last: Command | None) -> None:
         schedule = self.plans.schedule
         assert schedule is not None, "there is one"
-        with naming(f"{schedule.name}.contacts"):
+        try:
             mode = self.plans.choose(schedule.contacts(self.state, last), self.state)
+        except MemberFailed:  # a contact, whose name it says
+            raise
+        except Exception as cause:
+            raise MemberFailed(f"{schedule.name}.contacts", cause) from cause
         if mode is not self.mode:
             self.use(mode)
 
@@ -349,8 +358,10 @@ class Controller(Solving, metaclass=TellsArguments):
             component.serves = self.plans.whole.plan
             if any(component is one for one in self._kept):
                 continue
-            with naming(f"{component.name}.reset"):
+            try:
                 component.reset(self.state)
+            except Exception as cause:
+                raise MemberFailed(f"{component.name}.reset", cause) from cause
         if self.plans.schedule is not None:
             self._choose_contacts(self.last if any(self.plans.schedule is one for one in self._kept) else None)
         self.plan.start(self.state)
