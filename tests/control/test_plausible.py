@@ -213,3 +213,6 @@ def test_a_robot_that_sinks_on_what_its_forces_cost_is_warned_about(mass: float)
         (weight,) = re.findall(r"force_weight=(\S+)$", said[0])
         falls, said = sinks(force_weight=float(weight))
         assert falls - stands < 0.02 * 9.81 and not said
+    robot.pinocchio.gravity.linear = np.zeros(3)
+    robot.gravity = np.zeros(3)
+    assert not sinks()[1]

@@ -108,14 +108,16 @@ def torques(model: RobotModel, lower: Vec, upper: Vec) -> None:
 def held(model: RobotModel, weights: Sequence[float]) -> None:
     """A floating base in gravity without contacts falls, whatever the joints do: they look forgotten. Contacts whose
     forces cost ½ w |f|², w in ``weights``, pull a robot of mass m down by g m² / Σ 1/w against tasks of weight 1."""
+    if not (model.nb and model.gravity.any()):
+        return
     share = model.mass**2 / sum(1.0 / w for w in weights) if weights and min(weights) > 0.0 else 0.0
-    if model.nb and share > _SINKS:
+    if share > _SINKS:
         said = (
             f"{model.name} has {model.mass:.0f} kg, and force_weight of its contacts lets tasks of weight 1 sink with "
             f"{share:.2g} g: give the contacts force_weight={min(weights) * 0.01 / share:.2g}"
         )
         warn(said, Sinks)
-    if model.nb and not weights and model.gravity.any():
+    if not weights:
         said = (
             f"{model.name} has a floating base and the stack has no contacts: no force holds the base, so it falls. "
             "Give the stack contacts, such as feet(robot), or load the robot with base='fixed'"
