@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any, Self, final
+from typing import Self, final
 
-from wbc import checks
-from wbc.models import plausible
 from wbc.models.model import RobotModel
-from wbc.stack.kernel_members import KernelTask
-from wbc.stack.kernel_rows import KernelRows
-from wbc.stack.target import vector_target
-from wbc.stack.tracking import Tracking
 
-from .position import AXES
+from .position import _AlongAxes
 from .trajectories import Sinusoid
 
 
 @final
-class LocalPosition(Tracking, KernelTask):
+class LocalPosition(_AlongAxes):
     """e = Rᵀ (p_target − p) [m]: one row for each of ``axes`` of the frame itself, by default all three.
 
     With one or two axes, or other weights for each, the rest of the way to the target is free or matters less, and
@@ -36,26 +30,8 @@ class LocalPosition(Tracking, KernelTask):
         2
     """
 
-    units, convert = "m", staticmethod(vector_target(3))
     target_dim = 3
-
-    def __init__(
-        self, frame: str, *, target: Any, axes: str = "xyz", kp: Any = 100.0, kd: Any = None, rate: Any = None,
-        weight: Any = 1.0, name: str | None = None,
-    ) -> None:  # fmt: skip
-        self.frame = self.subject = frame
-        checks.one_of(f"{self.name}.axes", axes, AXES)
-        self.dim, self.labels = len(axes), axes
-        super().__init__(kp=kp, kd=kd, rate=rate, weight=weight, name=name)
-        self.target = target
-
-    def prepare(self, model: RobotModel) -> None:
-        model.check_frame(self.frame)
-        plausible.position(model, f"{self.name}.target", self.reference(0.0).value)
-
-    def kernel_rows(self) -> KernelRows:
-        axes = ["xyz".index(axis) for axis in self.labels]
-        return KernelRows.tracking(self, "frame.own_position", self.frame, numbers=axes)
+    _kernel = "frame.own_position"
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

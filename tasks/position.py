@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Self, final
+from typing import Any, ClassVar, Self, final
 
 from wbc import checks
 from wbc.models import plausible
@@ -14,12 +14,42 @@ from wbc.stack.tracking import Tracking
 
 from .trajectories import Sinusoid
 
-#: What ``axes`` may be.
-AXES = ("xyz", "xy", "yz", "xz", "x", "y", "z")
+_AXES = ("xyz", "xy", "yz", "xz", "x", "y", "z")
+
+
+class _AlongAxes(Tracking, KernelTask):
+    """The position of a frame, one row for each of ``axes``. Whose axes these are, the kernel of a subclass says.
+
+    Raises:
+        InvalidInput: axes that are not some of "xyz" in this order, a target of another shape.
+        UnknownFrame: when a stack is compiled.
+    """
+
+    units = "m"
+    _kernel: ClassVar[str]
+
+    def __init__(
+        self, frame: str, *, target: Any, axes: str = "xyz", kp: Any = 100.0, kd: Any = None, rate: Any = None,
+        weight: Any = 1.0, name: str | None = None,
+    ) -> None:  # fmt: skip
+        self.frame = self.subject = frame
+        checks.one_of(f"{self.name}.axes", axes, _AXES)
+        self.dim, self.labels = len(axes), axes
+        self.convert = vector_target(self.target_dim or self.dim)
+        super().__init__(kp=kp, kd=kd, rate=rate, weight=weight, name=name)
+        self.target = target
+
+    def prepare(self, model: RobotModel) -> None:
+        model.check_frame(self.frame)
+        plausible.position(model, f"{self.name}.target", self.reference(0.0).value)
+
+    def kernel_rows(self) -> KernelRows:
+        axes = ["xyz".index(axis) for axis in self.labels]
+        return KernelRows.tracking(self, self._kernel, self.frame, numbers=axes)
 
 
 @final
-class Position(Tracking, KernelTask):
+class Position(_AlongAxes):
     """e = p_target − p [m]: one row for each of ``axes``, by default all three, world axes.
 
     ``target``: as many numbers as there are axes, or a function of time giving them or (position, velocity,
@@ -35,26 +65,7 @@ class Position(Tracking, KernelTask):
         ('m', 1)
     """
 
-    units = "m"
-
-    def __init__(
-        self, frame: str, *, target: Any, axes: str = "xyz", kp: Any = 100.0, kd: Any = None, rate: Any = None,
-        weight: Any = 1.0, name: str | None = None,
-    ) -> None:  # fmt: skip
-        self.frame = self.subject = frame
-        checks.one_of(f"{self.name}.axes", axes, AXES)
-        self.dim, self.labels = len(axes), axes
-        self.convert = vector_target(self.dim)
-        super().__init__(kp=kp, kd=kd, rate=rate, weight=weight, name=name)
-        self.target = target
-
-    def prepare(self, model: RobotModel) -> None:
-        model.check_frame(self.frame)
-        plausible.position(model, f"{self.name}.target", self.reference(0.0).value)
-
-    def kernel_rows(self) -> KernelRows:
-        axes = ["xyz".index(axis) for axis in self.labels]
-        return KernelRows.tracking(self, "frame.position", self.frame, numbers=axes)
+    _kernel = "frame.position"
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:
