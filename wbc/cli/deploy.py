@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
 _LEGS = {"FR": "front_right", "FL": "front_left", "RR": "rear_right", "RL": "rear_left"}
 _PARTS = {"hip": "hip_roll", "thigh": "hip_pitch", "calf": "knee"}
-#: The device of each robot, and the step of its motors' law in a dry run [s].
+#: The device of each robot.
 _DEVICES = {
-    "g1": ("UnitreeG1", 2e-3),
-    "go2": ("UnitreeGo2", 2e-3),
-    "quadruped": ("UnitreeGo2", 2e-3),
-    "panda": ("Franka", 1e-3),
-    "arm": ("Franka", 1e-3),
-    "so101": ("LeRobot", 1e-3),
+    "g1": "UnitreeG1",
+    "go2": "UnitreeGo2",
+    "quadruped": "UnitreeGo2",
+    "panda": "Franka",
+    "arm": "Franka",
+    "so101": "LeRobot",
 }
 
 
@@ -82,13 +82,13 @@ def _board(name: str, seed: int, *, ros2: bool) -> MotorBoard:
     from wbc.sim.engine import PhysicsSettings
     from wbc.sim.mujoco_ import MujocoPlant
 
-    kind, dt = _DEVICES[name]
+    kind = _DEVICES[name]
     model = load(name, base="fixed")
     names: dict[str, str] = {}
     device: Device
     if ros2:
         gains = [0.3 * gain for gain in holding_gains(model)]
-        device, dt = robots.Ros2Control(model.joint_names, gains=(gains[0], gains[1])), 2e-3
+        device = robots.Ros2Control(model.joint_names, gains=(gains[0], gains[1]))
     elif kind == "LeRobot":
         device = robots.LeRobot(model.joint_names)
     else:
@@ -97,7 +97,7 @@ def _board(name: str, seed: int, *, ros2: bool) -> MotorBoard:
         names = {f"{_LEGS[a]}_{_PARTS[b]}": f"{a}_{b}_joint" for a in _LEGS for b in _PARTS}
     elif name == "arm" and not ros2:
         names = dict(zip(model.joint_names, device.motors, strict=True))
-    plant = MujocoPlant(model, dt=dt, settings=PhysicsSettings(armature=0.01, joint_friction=0.02, joint_damping=0.05))
+    plant = MujocoPlant(model, settings=PhysicsSettings(armature=0.01, joint_friction=0.02, joint_damping=0.05))
     return MotorBoard(
         device, plant, joint_map=device.joint_map(model, names=names), delay=2e-3, mode_machine=5,
         sensors=robots.SENSORS["mti-300"], seed=seed,

@@ -475,7 +475,7 @@ def check(
         >>> gains = [200, 200, 150, 150, 60, 60, 20], [10, 10, 8, 8, 2, 2, 0.5]
         >>> group = Ros2Control(robot.joint_names, gains=gains)
         >>> wrong = JointMap.of(robot, group.motors, sign={"elbow": -1})
-        >>> plant = MujocoPlant(robot, dt=2e-3, settings=PhysicsSettings(armature=0.01))
+        >>> plant = MujocoPlant(robot, settings=PhysicsSettings(armature=0.01))
         >>> board = MotorBoard(group, plant)
         >>> [finding.sentence for finding in check(board, robot, joint_map=wrong).findings]
         ['the sign of elbow is wrong']
