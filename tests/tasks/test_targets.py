@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -9,6 +11,7 @@ import pinocchio
 import pytest
 from hypothesis import given
 
+import wbc
 from tasks import CenterOfMass, ContactForce, Frame, Orientation, Position, Posture, Sinusoid, Torque
 from tasks.motions import pose_motion, swing
 from tests.tasks.rows_of import linear_rows, rows
@@ -101,6 +104,28 @@ def test_numbers_that_come_in_a_tick_are_left_to_the_certificate_but_not_shapes(
     state.update(1.0, ARM.q0, np.zeros(ARM.nv))
     with pytest.raises(InvalidInput, match=r"\(3,\)"):
         rows(task, state)
+
+
+FOLLOWING: dict[str, Any] = {  # tasks by what their targets are
+    "position": (np.zeros(3), partial(Position, TOOL)),
+    "rotation": (IDENTITY, partial(Orientation, TOOL)),
+    "pose": (np.eye(4), partial(Frame, TOOL)),
+    "joints": (ARM.q0, Posture),
+}
+
+
+@pytest.mark.parametrize("given", [None, "there", [0.0, None, 0.0], 1j], ids=repr)
+@pytest.mark.parametrize("kind", FOLLOWING)
+def test_a_target_that_is_no_numbers_any_more_is_named_in_its_tick(kind: str, given: Any):
+    sound, task = FOLLOWING[kind]
+    said = [sound]
+    stack = wbc.Stack([task(target=lambda t: said[0])])
+    controller = wbc.Controller(ARM, stack, level=wbc.AccelerationLevel())
+    at_rest = ARM.q0, np.zeros(ARM.nv)
+    assert controller.tick(0.0, *at_rest).status.ok
+    said[0] = given
+    assert not controller.tick(1e-3, *at_rest).status.ok
+    assert re.search(r"\btarget must be a", controller.why) and repr(given) in controller.why, controller.why
 
 
 @given(states(ARM))

@@ -107,26 +107,29 @@ def vector_target(dim: int) -> Callable[[str, Any, bool], Vec]:
     return partial(shaped, (dim,))
 
 
-def floats(value: Any) -> Vec:
+def floats(name: str, value: Any) -> Vec:
     """``value`` as an array of floats, the same object where it is one.
 
     Raises:
-        TypeError, ValueError: what it holds is not real numbers.
+        InvalidInput: what it holds is not real numbers.
     """
     if type(value) is np.ndarray and value.dtype == np.float64:
         return value
-    return checks.floats(value)
+    try:
+        return checks.floats(value)
+    except Exception as cause:  # a conversion may raise whatever it likes
+        raise InvalidInput(f"{name} must be an array of numbers, not {checks.shown(value)}") from cause
 
 
 def shaped(shape: tuple[int, ...], name: str, value: Any, strict: bool) -> Vec:
     """``value`` as an array of this shape; finite, if strict.
 
     Raises:
-        InvalidInput: another shape; strict: not finite.
+        InvalidInput: another shape, no real numbers; strict: not finite.
     """
     if strict:
         return checks.array(name, value, shape)
-    array = floats(value)
+    array = floats(name, value)
     if array.shape != shape:
         raise InvalidInput(f"{name} must have shape {shape}, not {array.shape}")
     return array

@@ -115,7 +115,7 @@ def wrench_target(name: str, value: Any, strict: bool) -> Vec:
     Raises:
         InvalidInput: another shape; strict: not finite.
     """
-    vector = checks.array(name, value, (None,) * checks.ndim(value)) if strict else floats(value)
+    vector = checks.array(name, value, (None,) * checks.ndim(value)) if strict else floats(name, value)
     if vector.shape not in ((3,), (6,)):
         raise InvalidInput(f"{name} must have shape (3,) or (6,), not {vector.shape}")
     return np.concatenate([vector, np.zeros(6 - len(vector))])
@@ -134,7 +134,7 @@ def _joints(sizes: tuple[int, int, str], some: tuple[Index, Vec] | None, name: s
     nj, full, robot = sizes
     if isinstance(value, Mapping):
         raise InvalidInput(f"{name} must be an array of numbers, not by name; robot.configuration({{...}}) makes one")
-    vector = checks.array(name, value, (None,) * checks.ndim(value)) if strict else floats(value)
+    vector = checks.array(name, value, (None,) * checks.ndim(value)) if strict else floats(name, value)
     if vector.shape in ((nj,), (full,)):
         return vector[-nj:]
     if some is not None and vector.shape == some[0].shape:
