@@ -30,7 +30,7 @@ from wbc.methods.shared import factors, largest_known, unit_lengths
 from wbc.qp.problem import QP
 from wbc.qp.solver import Solver
 from wbc.qp.solvers import by_name
-from wbc.tolerances import NEAR, ROUNDING, SHARP, TINY
+from wbc.tolerances import NEAR, NOISE, ROUNDING, SAME, SHARP, TINY
 from wbc.types import Mat, Vec
 
 #: Numbers of which a share of 1e-8 is no divisor count as zero.
@@ -110,9 +110,11 @@ def nearest(
     x, limited = centre + root @ u, matrix[kept].any(axis=0)
     terms_of_x = (np.abs(centre) + np.abs(root) @ np.abs(u))[limited].max(initial=0.0)
     # Limits with a small contradiction in the metric are both violated a little; in x that may be much, beside their
-    # own numbers and those that the limited entries of x are sums of.
+    # own numbers and those that the limited entries of x are sums of, or beside the rounding of all that is summed,
+    # where limits and entries are zero.
     beyond, little = np.maximum(matrix @ x - upper, lower - matrix @ x)[kept], np.linalg.norm(matrix[kept], axis=1)
-    little = np.maximum(terms_of_x * little, TINY)
+    rounding = min(NOISE * equations.condition, SAME) * unit * length * (known + np.linalg.norm(found.u))
+    little = np.maximum(np.maximum(terms_of_x * little, rounding / SHARP), TINY)
     own = largest_known(lower, upper)[kept]
     if (beyond > np.maximum(SHARP * np.maximum(little, own), TINY)).any():
         return None
