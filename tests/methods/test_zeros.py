@@ -13,7 +13,7 @@ from tests.methods.test_weighted_torque import EXACT
 from tests.seeds import generator
 from wbc.methods import NullSpaceSaturation, WeightedTorque
 
-COUNT = 60
+COUNT = 150
 
 
 def a_point(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

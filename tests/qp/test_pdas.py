@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.qp.zoo import random_qp, sequence
+from tests.seeds import generator
 from wbc.qp import QP, Shape, solve
 from wbc.qp.solvers.pdas import Pdas
 from wbc.types import Status
@@ -194,3 +195,17 @@ def test_a_row_that_pulls_is_let_go_however_flat_the_cost_is_along_it(flat: floa
     for target in (-1.0, away, -1.0, away):
         qp = QP(np.diag([1.0, flat]), [-1.0 - held, -flat * target], lb=[-np.inf, 0.0], ub=[1.0, np.inf])
         np.testing.assert_allclose(session.solve(qp).x, [1.0, max(target, 0.0)], rtol=1e-5, atol=1e-9)
+
+
+def test_rows_that_are_nearly_parallel_are_met_to_the_tolerance_from_either_side():
+    """Oracle: as many rows as unknowns decide x; H, g and multipliers are made for it. A first step leaves rows within
+    their bounds as often as beyond them, by 1e-7 where they are 1e5 times longer than what tells them apart."""
+    rng = generator("nearly parallel")
+    for _ in range(200):
+        n = int(rng.integers(2, 5))
+        C = np.hstack([10.0 ** rng.uniform(2, 6) * rng.normal(size=(n, 1)), rng.normal(size=(n, n - 1))])
+        x, z, room = rng.normal(size=n), rng.normal(size=n), rng.uniform(0.1, 3.0, size=n)
+        lower, upper = np.where(z > 0.0, C @ x - room, C @ x), np.where(z < 0.0, C @ x + room, C @ x)
+        found = Pdas().at(1e-8).solve(QP(np.eye(n), -x - C.T @ z, C=C, cl=lower, cu=upper))
+        assert found.status.ok, found
+        np.testing.assert_allclose(C @ found.x, C @ x, rtol=0, atol=1e-8)

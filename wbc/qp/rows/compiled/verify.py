@@ -25,7 +25,7 @@ from math import inf, sqrt
 from wbc.compiled import copy, entry, kernel, part, small_kernel
 from wbc.qp.rows.compiled.equality import first_row, reduce_base, reduced
 from wbc.qp.rows.compiled.linear import add, add_rows, backward, clear, forward
-from wbc.qp.rows.compiled.work import Work, is_fixed, place_of, views, weighed
+from wbc.qp.rows.compiled.work import Work, bound_of, is_fixed, place_of, views, weighed
 from wbc.tolerances import DISTANCE, MET, NEAR, ROUNDING
 
 #: An unknown whose cost is at most this many times the regularisation belongs to no task. No task asks for its value,
@@ -207,6 +207,13 @@ def beyond(s: Work, item: int) -> float:
 
 
 @small_kernel
+def off(s: Work, item: int) -> float:
+    """How far a held item is from its bound, on either side, beside what counts."""
+    bound = bound_of(s, item)
+    return float(abs(s.value[place_of(s, item)] - bound) / (_BROKEN * (1.0 + abs(bound))))
+
+
+@small_kernel
 def largest_push(s: Work) -> float:
     """The largest push of a row of E, in lengths of F."""
     nu, nr, m, first = s.sizes[0], s.sizes[2], s.sizes[6], first_row(s)
@@ -243,8 +250,9 @@ def doubt(s: Work, item: int) -> float:
 def verify(at: int) -> int:
     """Certify the answer with the pushes of the working set that have the right sign; how many items are wrong.
 
-    These are marked in ``wrong``; ``numbers[2]`` is what held rows are off by, beside what counts. While all pushes
-    have the right sign, an item that is broken by less than the answer is uncertain is not wrong: refining tells.
+    These are marked in ``wrong``; ``numbers[2]`` is how far items that push are from their bounds, and held ones beyond
+    them, beside what counts. While all pushes have the right sign, an item that is broken by less than the answer is
+    uncertain is not wrong: refining tells.
     """
     s = views(at)
     nu, ny, nr, ns, m = s.sizes[0], s.sizes[1], s.sizes[2], s.sizes[3], s.sizes[6]
@@ -262,8 +270,11 @@ def verify(at: int) -> int:
             s.push[place_of(s, item) - first_item] = -s.lam[i]
     certify(at)
     clear(s.wrong)
+    s.numbers[2] = 0.0
     for i in range(first_held, m):
         item = s.item[i]
+        if s.lam[i] != 0.0:
+            s.numbers[2] = max(s.numbers[2], off(s, item))
         if item >= ny and not is_fixed(s, item):
             if pushes_wrong(s, s.lam[i], s.side[item], sqrt(s.length[i]), largest):
                 count += 1
@@ -273,7 +284,7 @@ def verify(at: int) -> int:
             if pushes_wrong(s, s.left[c], s.side[c], 1.0 / sqrt(s.metric[c]), largest):
                 count += 1
                 s.wrong[c] = 1.0
-    s.numbers[2], push_right = 0.0, count == 0
+    push_right = count == 0
     for item in range(len(s.side)):
         by = beyond(s, item)
         if s.side[item] != 0.0:
