@@ -209,3 +209,18 @@ def test_rows_that_are_nearly_parallel_are_met_to_the_tolerance_from_either_side
         found = Pdas().at(1e-8).solve(QP(np.eye(n), -x - C.T @ z, C=C, cl=lower, cu=upper))
         assert found.status.ok, found
         np.testing.assert_allclose(C @ found.x, C @ x, rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("unit", 10.0 ** np.arange(-4, 5))
+def test_rounding_of_a_singular_cost_is_no_slope(unit: float):
+    """H = RᵀR of small integers is singular, and g is nothing along what it leaves. (3, −1, 0, 1, 1) is an optimum."""
+    R = np.array([[1.0, 2.0, 1.0, -2.0, -1.0], [0.0, 0.0, 1.0, -2.0, -1.0]])
+    C = [[-10, 10, -10, 0, -20], [-0.1, 0, 0.1, 0.1, 0.1], [1, 2, 1, -2, 0], [2e-3, -1e-3, 1e-3, 0, 1e-3]]
+    free = np.inf
+    qp = QP(
+        unit * R.T @ R, unit * np.array([0.0, 0.0, 3.0, -6.0, -3.0]), C=C, cl=[-free, -free, -9, 6e-3],
+        cu=[-60, free, -1, free], lb=[-free, -free, 0, -free, 1], ub=[free, free, free, 1, free],
+    )  # fmt: skip
+    found = Pdas().solve(qp)
+    assert found.status is Status.SOLVED
+    np.testing.assert_allclose(R @ found.x, R @ [3.0, -1.0, 0.0, 1.0, 1.0], rtol=0, atol=1e-4)

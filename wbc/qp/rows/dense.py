@@ -76,7 +76,12 @@ class DenseSteps:
             columns = dtrsm(1.0, factor, columns, lower=1, overwrite_b=1)
         elif rank:
             columns[:rank] = dtrsm(1.0, factor[:rank, :rank], columns[:rank], lower=1)
-            columns[rank:] -= factor[rank:, :rank].dot(columns[:rank])
+            # What is rounding of H, or left by cancelling, is zero: else it would be a slope, or move a row.
+            below, flat = factor[rank:, :rank], columns[rank:]
+            below[np.abs(below) * factor.diagonal()[:rank] <= n * FLAT] = 0.0
+            made_of = np.abs(flat) + np.abs(below).dot(np.abs(columns[:rank]))
+            flat -= below.dot(columns[:rank])
+            flat[np.abs(flat) <= n * FLAT * made_of] = 0.0
         rows = columns.T
         self._T = rows[n_in : n_in + n]
         if rank < n:
