@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from tests.models.builders import inertial, joint, link, origin, saved, shape
 from wbc.errors import InvalidInput, ModelError, UnknownJoint
 from wbc.models import load
 from wbc.models.feet import Foot
@@ -22,47 +23,39 @@ from wbc.models.pinocchio_ import PinocchioModel
 from wbc.models.soles import Measured
 from wbc.models.urdf import Joint, Link, Urdf
 
-LINK = (
-    '<link name="{}"><inertial><origin xyz="0.1 0 0.2" rpy="0.1 0.2 0.3"/><mass value="1.5"/>'
-    '<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>{}</link>'
-)
-
-
-def written(folder: Path, *joints: str, inside: str = "") -> Path:
-    """A chain of links a, b, c, … with these joints in between."""
-    links = [LINK.format(name, inside if name == "a" else "") for name in "abcdefgh"[: len(joints) + 1]]
-    ends = [f'<parent link="{a}"/><child link="{b}"/></joint>' for a, b in pairwise("abcdefgh")]
-    body = "".join(joint.replace("</joint>", end) for joint, end in zip(joints, ends, strict=False))
-    path = folder / "chain.urdf"
-    path.write_text(f'<?xml version="1.0" encoding="utf-8"?><robot name="chain">{"".join(links)}{body}</robot>')
-    return path
-
-
-def hinge(name: str, limit: str, kind: str = "revolute", extra: str = "") -> str:
-    return f'<joint name="{name}" type="{kind}"><axis xyz="0 1 0"/><limit {limit}/>{extra}</joint>'
-
-
 SANE = 'lower="-1" upper="2" effort="30" velocity="4"'
 
 
+def hinge(name: str, limit: str = SANE, kind: str = "revolute", extra: str = "") -> tuple[str, str, str]:
+    """Name, kind and inside of a joint of :func:`written`."""
+    return name, kind, f"<limit {limit}/>{extra}"
+
+
+def written(folder: Path, *joints: tuple[str, str, str], inside: str = "", masses: int = 9) -> Path:
+    """A chain of links a, b, c, … with these joints in between; the first ``masses`` links have one."""
+    heavy = inertial(1.5, (0.1, 0.1, 0.1), origin("0.1 0 0.2", "0.1 0.2 0.3"))
+    links = [
+        link(name, heavy if i < masses else inertial(0.0, (0.0, 0.0, 0.0)), inside * (name == "a"))
+        for i, name in enumerate("abcdefgh"[: len(joints) + 1])
+    ]
+    between = [
+        joint(name, *ends, kind, more) for (name, kind, more), ends in zip(joints, pairwise("abcdefgh"), strict=False)
+    ]
+    return saved(folder, *links, *between, name="chain")
+
+
 def test_joints_have_names_units_and_limits(tmp_path: Path):
-    robot = load(
-        written(
-            tmp_path,
-            hinge("swing", SANE),
-            hinge("slide", 'lower="0.1" upper="0.5" effort="100" velocity="0.3"', "prismatic"),
-        )
-    )
-    assert robot.joint_names == ("swing", "slide") and robot.joint_units == ("rad", "m")
-    assert robot.limits.q_min.tolist() == [-1, 0.1] and robot.limits.q_max.tolist() == [2, 0.5]
-    assert robot.limits.v_max.tolist() == [4, 0.3] and robot.limits.tau_max.tolist() == [30, 100]
+    slide = hinge("slide", 'lower="0.1" upper="0.5" effort="100" velocity="0.3"', "prismatic")
+    robot = load(written(tmp_path, hinge("swing"), slide, hinge("free", 'lower="-1" upper="1"')))
+    assert robot.joint_names == ("swing", "slide", "free") and robot.joint_units == ("rad", "m", "rad")
+    assert robot.limits.q_min.tolist() == [-1, 0.1, -1] and robot.limits.q_max.tolist() == [2, 0.5, 1]
+    assert robot.limits.v_max.tolist() == [4, 0.3, np.inf] and robot.limits.tau_max.tolist() == [30, 100, np.inf]
     assert robot.joint("slide") == 1
-    assert (robot.nq, robot.nv, robot.nb, robot.nj) == (2, 2, 0, 2)
+    assert (robot.nq, robot.nv, robot.nb, robot.nj) == (3, 3, 0, 3)
 
 
 def test_a_joint_without_end_has_one_position_and_no_position_limit(tmp_path: Path):
-    free = '<joint name="wheel" type="continuous"><axis xyz="0 1 0"/></joint>'
-    robot = load(written(tmp_path, free, hinge("swing", SANE)))
+    robot = load(written(tmp_path, ("wheel", "continuous", ""), hinge("swing")))
     assert robot.nq == robot.nv == 2
     assert robot.limits.q_min[0] == -np.inf and robot.limits.q_max[0] == np.inf
     assert robot.limits.v_max[0] == robot.limits.tau_max[0] == np.inf
@@ -96,21 +89,16 @@ def test_limits_that_make_no_sense_are_kept_and_said(tmp_path: Path, limit: str,
 
 
 def test_meshes_that_are_missing_are_counted_in_one_sentence(tmp_path: Path):
-    meshes = "".join(f'<visual><geometry><mesh filename="{k}.stl"/></geometry></visual>' for k in range(7))
+    meshes = "".join(shape(f'<mesh filename="{k}.stl"/>', kind="visual") for k in range(7))
     with pytest.warns(UserWarning, match=r"there is no mesh '0.stl' and 6 more are missing$"):
-        load(written(tmp_path, hinge("swing", SANE), inside=meshes))
-
-
-def test_limits_that_are_not_given_are_infinite(tmp_path: Path):
-    robot = load(written(tmp_path, hinge("swing", 'lower="-1" upper="1"')))
-    assert robot.limits.v_max[0] == robot.limits.tau_max[0] == np.inf
+        load(written(tmp_path, hinge("swing"), inside=meshes))
 
 
 @pytest.mark.parametrize("huge", ["1.1e8", "1e16", "3.4e38", "1.8e308"])
 def test_limits_that_no_state_can_reach_are_none(tmp_path: Path, huge: str):
     """Gazebo writes 1e16: random configurations and searches would begin there."""
     limit = f'lower="-{huge}" upper="{huge}" effort="{huge}" velocity="{huge}"'
-    robot = load(written(tmp_path, hinge("swing", limit), hinge("knee", SANE)))
+    robot = load(written(tmp_path, hinge("swing", limit), hinge("knee")))
     for values in vars(robot.limits).values():
         assert np.isinf(values[0]) and np.isfinite(values[1])
     q = [robot.random_configuration(np.random.default_rng(seed)) for seed in range(20)]
@@ -118,46 +106,33 @@ def test_limits_that_no_state_can_reach_are_none(tmp_path: Path, huge: str):
 
 
 def test_mimic_joints_move_by_themselves_and_this_is_said(tmp_path: Path):
-    joints = [hinge("first", SANE), hinge("second", SANE, extra='<mimic joint="first"/>')]
+    joints = [hinge("first"), hinge("second", extra='<mimic joint="first"/>')]
     with pytest.warns(UserWarning, match=r"'second' mimics 'first'; here each moves on its own until .*mimic_joints"):
         robot = load(written(tmp_path, *joints))
     assert robot.nj == 2
-    third = hinge("third", SANE, extra='<mimic joint="first"/>')
+    third = hinge("third", extra='<mimic joint="first"/>')
     with pytest.warns(UserWarning, match="'second' mimics 'first' and 1 more mimic others; here") as said:
         load(written(tmp_path, *joints, third))
     assert len(said) == 1
-
-
-def test_a_fixed_joint_that_mimics_another_is_no_reason_to_warn(tmp_path: Path):
-    second = hinge("second", SANE, "fixed", extra='<mimic joint="first"/>')
-    assert load(written(tmp_path, hinge("first", SANE), second)).nj == 1  # a warning would be an error here
-
-
-def test_links_without_mass_have_kinematics_and_this_is_said(tmp_path: Path):
-    path = written(tmp_path, hinge("swing", SANE))
-    path.write_text(path.read_text().replace('value="1.5"', 'value="0"').replace('="0.1"', '="0"'))
-    with pytest.warns(UserWarning, match="no inertia moves with joint 'swing', so there is kinematics and no dynamics"):
-        robot = load(path)
-    assert robot.state().frame("b").jacobian().shape == (6, 1)
+    rigid = hinge("second", kind="fixed", extra='<mimic joint="first"/>')
+    assert load(written(tmp_path, joints[0], rigid)).nj == 1  # a warning would be an error here
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize("first", range(1, 7))
 def test_all_joints_without_mass_are_named_at_once(tmp_path: Path, first: int):
-    path = written(tmp_path, *(hinge(f"j{i}", 'effort="1" velocity="0"') for i in range(6)))
-    *links, joints = path.read_text().split("</link>")
-    light = [link.replace('"1.5"', '"0"').replace('="0.1"', '="0"') for link in links[first:]]
-    path.write_text("</link>".join([*links[:first], *light, joints]))
+    path = written(tmp_path, *(hinge(f"j{i}", 'effort="1" velocity="0"') for i in range(6)), masses=first)
     lightest = tuple(f"joint 'j{i}'" for i in range(first - 1, 6))
     with pytest.warns(UserWarning) as said:
-        assert load(path).weightless == lightest
+        robot = load(path)
+    assert robot.weightless == lightest and robot.state().frame("g").jacobian().shape == (6, 6)
     more = f", and {len(lightest) - 5} more" if len(lightest) > 5 else ""
     begins = f"chain: no inertia moves with {', '.join(lightest[:5])}{more}, so there is kinematics and no dynamics; "
     assert str(said[0].message).startswith(begins), "before six other sentences, of which the last are cut"
 
 
 def test_a_robot_of_one_joint_has_matrices_of_one_column(tmp_path: Path):
-    state = load(written(tmp_path, hinge("swing", SANE))).state()
+    state = load(written(tmp_path, hinge("swing"))).state()
     frame = state.frame("b")
     assert frame.jacobian().shape == frame.jacobian_local().shape == (6, 1)
     assert state.M.shape == (1, 1) and state.com_jacobian.shape == (3, 1)
@@ -197,9 +172,7 @@ def test_a_configuration_is_made_from_joint_names(tmp_path: Path):
 
 
 def test_what_pinocchio_is_given_is_what_the_file_says(tmp_path: Path):
-    path = written(
-        tmp_path, hinge("swing", SANE, extra='<origin xyz="0.1 0.2 0.3" rpy="1 -0.5 0.25"/>'), hinge("up", SANE)
-    )
+    path = written(tmp_path, hinge("swing", extra='<origin xyz="0.1 0.2 0.3" rpy="1 -0.5 0.25"/>'), hinge("up"))
     ours, theirs = load(path).pinocchio, pin.buildModelFromUrdf(str(path))
     assert all(a == b for a, b in zip(ours.inertias, theirs.inertias, strict=True))
     assert all(a == b for a, b in zip(ours.jointPlacements, theirs.jointPlacements, strict=True))
@@ -240,7 +213,7 @@ def test_shapes_carry_place_size_and_colour(tmp_path: Path):
         "<visual/>"
         '<collision><geometry><sphere radius="0.2"/></geometry></collision>'
     )
-    path = written(tmp_path, hinge("swing", SANE), inside=inside)
+    path = written(tmp_path, hinge("swing"), inside=inside)
     path.write_text(
         path.read_text().replace("</robot>", '<material name="red"><color rgba="1 0 0 1"/></material></robot>')
     )
@@ -256,7 +229,7 @@ def test_a_colour_that_a_shape_names_is_that_of_others_too(tmp_path: Path):
     shape = '<visual><geometry><sphere radius="1"/></geometry><material name="{}">{}</material></visual>'
     green, own = '<color rgba="0 1 0 1"/>', '<color rgba="0 0 1 1"/>'
     inside = "".join(shape.format(*one) for one in (("g", ""), ("g", green), ("g", own), ("none", "")))
-    robot = load(written(tmp_path, hinge("swing", SANE), inside=inside))
+    robot = load(written(tmp_path, hinge("swing"), inside=inside))
     assert [visual.color for visual in robot.visuals] == [(0, 1, 0, 1), (0, 1, 0, 1), (0, 0, 1, 1), None]
 
 
@@ -268,7 +241,7 @@ def test_origins_turn_about_fixed_axes():
 
 
 def test_links_are_frames_and_so_are_joints(tmp_path: Path):
-    path = written(tmp_path, hinge("b", SANE), hinge("swing", SANE))
+    path = written(tmp_path, hinge("b"), hinge("swing"))
     frames = load(path).frame_names
     assert frames.count("b") == 1 and {"a", "b", "c", "swing"} == set(frames)
 
@@ -280,7 +253,7 @@ def test_a_robot_is_the_same_whatever_a_joint_is_called(tmp_path: Path, kind: st
     limit = 'lower="-1" upper="1" effort="3" velocity="1"'
 
     def robot(name: str) -> PinocchioModel:
-        return load(written(tmp_path, hinge(name, limit, kind), hinge("swing", SANE)), base=base, feet=[])
+        return load(written(tmp_path, hinge(name, limit, kind), hinge("swing")), base=base, feet=[])
 
     known = robot("other")
     q, v = known.random_configuration(np.random.default_rng(0)), np.arange(known.nv) + 1.0
@@ -290,26 +263,25 @@ def test_a_robot_is_the_same_whatever_a_joint_is_called(tmp_path: Path, kind: st
             state.update(0.0, q, v)
         for read in (lambda s: s.M, lambda s: s.h, lambda s: s.frame("b").position, lambda s: s.frame("c").rotation):
             assert np.array_equal(*map(read, states)), name
-        assert load(written(tmp_path, hinge(name, limit, kind), hinge("swing", SANE)), base=base).mass == known.mass
+        assert load(written(tmp_path, hinge(name, limit, kind), hinge("swing")), base=base).mass == known.mass
     with pytest.raises(ModelError, match="a joint is called 'universe', which is Pinocchio's name"):
         robot("universe")
 
 
 def test_a_link_may_be_called_as_pinocchio_calls_the_world(tmp_path: Path):
-    path = written(tmp_path, hinge("swing", SANE))
+    path = written(tmp_path, hinge("swing"))
     path.write_text(path.read_text().replace('"a"', '"universe"').replace('"b"', '"root_joint"'))
     for base in ("fixed", "floating"):
         assert {"universe", "root_joint"} <= set(load(path, base=base).frame_names)
 
 
 def test_shapes_that_are_not_read_are_said(tmp_path: Path):
-    shape = '<collision><geometry><capsule radius="1" length="1"/></geometry></collision>'
     with pytest.warns(UserWarning, match="a collision of link 'a' is left out: it is a <capsule>, not a box"):
-        load(written(tmp_path, hinge("swing", SANE), inside=shape))
+        load(written(tmp_path, hinge("swing"), inside=shape('<capsule radius="1" length="1"/>')))
 
 
 def test_a_base_is_fixed_or_floating(tmp_path: Path):
-    path = written(tmp_path, hinge("swing", SANE))
+    path = written(tmp_path, hinge("swing"))
     fixed, floating = load(path), load(path, base="floating")
     assert (fixed.nq, fixed.nb) == (1, 0) and (floating.nq, floating.nv, floating.nb) == (8, 7, 6)
     assert fixed.mass == pytest.approx(1.5) and floating.mass == pytest.approx(3.0)
@@ -405,5 +377,5 @@ def test_a_folder_is_searched_past_what_cannot_be_read(tmp_path: Path, monkeypat
     monkeypatch.setattr(Path, "open", guarded_open)
     with pytest.raises(ModelError):
         load(tmp_path)
-    written(tmp_path, hinge("one", SANE))
+    written(tmp_path, hinge("one"))
     assert load(tmp_path).joint_names == ("one",)
