@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import pickle
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -12,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.models.builders import inertial, joint, link, origin, saved
 from wbc.models import RobotState, load
 from wbc.models.pinocchio_ import Base
 
@@ -108,35 +110,27 @@ def test_needs_are_learnt_and_met_with_the_fewest_calls(reads: list[str], calls:
     assert [call for call in state.calls if not call.startswith("updateFramePlacement")] == calls
 
 
-def bush(rng: np.random.Generator, joints: int) -> str:
-    """A URDF whose joints begin at the base or at any link before."""
+def bush(folder: Path, rng: np.random.Generator, joints: int) -> Path:
+    """A file whose joints begin at the base or at any link before."""
 
-    def link(name: str) -> str:
-        mass, (x, y, z) = rng.uniform(0.5, 3.0), rng.uniform(-1.0, 1.0, 3)
-        return (
-            f'<link name="{name}"><inertial><origin xyz="{x} {y} {z}"/><mass value="{mass}"/>'
-            f'<inertia ixx="{mass}" iyy="{1.2 * mass}" izz="{0.9 * mass}" ixy="0.1" ixz="0" iyz="0"/></inertial></link>'
-        )
+    def heavy(name: str) -> str:
+        mass = rng.uniform(0.5, 3.0)
+        return link(name, inertial(mass, (mass, 1.2 * mass, 0.9 * mass), origin(*rng.uniform(-1.0, 1.0, (2, 3)))))
 
-    parts = ['<robot name="bush">', link("base")]
+    parts = [heavy("base")]
     for i in range(joints):
         parent, kind = rng.choice(["base", *(f"l{k}" for k in range(i))]), rng.choice(KINDS)
-        x, y, z, turn, a, b, c = rng.uniform(-1.0, 1.0, 7)
-        parts.append(
-            f'{link(f"l{i}")}<joint name="j{i}" type="{kind}"><parent link="{parent}"/><child link="l{i}"/>'
-            f'<origin xyz="{z} {x} {y}" rpy="{turn} {x} {y}"/><axis xyz="{a} {b} {c}"/>'
-            '<limit lower="-1" upper="1" velocity="1" effort="1"/></joint>'
-        )
-    return "".join(parts) + "</robot>"
+        place, turn, (a, b, c) = rng.uniform(-1.0, 1.0, (3, 3))
+        parts += [heavy(f"l{i}"), joint(f"j{i}", parent, f"l{i}", kind, origin(place, turn), axis=f"{a} {b} {c}")]
+    return saved(folder, *parts)
 
 
 @given(joints=st.integers(1, 6), base=st.sampled_from(["fixed", "floating", "planar"]), seed=st.integers(0, 999))
 def test_what_several_calls_share_is_what_pinocchio_says_of_each(
     tmp_path_factory: pytest.TempPathFactory, joints: int, base: Base, seed: int
 ):
-    rng, path = np.random.default_rng(seed), tmp_path_factory.mktemp("bush") / "bush.urdf"
-    path.write_text(bush(rng, joints))
-    robot = load(path, base=base, feet=[])
+    rng = np.random.default_rng(seed)
+    robot = load(bush(tmp_path_factory.mktemp("bush"), rng, joints), base=base, feet=[])
     model, state, v = robot.pinocchio, robot.state(), rng.normal(size=robot.nv)
     data, q, still = model.createData(), robot.random_configuration(rng), np.zeros(robot.nv)
     read = {name: getattr(state, name) for name in ("M", "h", "com", "com_jacobian", "com_drift", "centroidal_map")}

@@ -11,6 +11,7 @@ import pytest
 
 import wbc
 from tasks import CollisionAvoidance, Posture
+from tests.models.builders import inertial, joint, link, saved, shape
 from wbc.errors import ModelError, WbcError
 from wbc.models.coal_ import coal_shape, mesh_points
 from wbc.models.collision import Obstacle
@@ -115,23 +116,12 @@ def test_a_file_that_is_too_large_is_not_read(tmp_path: Path):
         coal_shape(Mesh(path))
 
 
-def robot_with(mesh: str) -> str:
-    """A hinge between two links, each with this mesh to collide with."""
-    link = (
-        '<link name="{0}"><inertial><mass value="1"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/>'
-        '</inertial><collision><geometry><mesh filename="{1}"/></geometry></collision></link>'
-    )
-    joint = '<joint name="j" type="revolute"><axis xyz="0 1 0"/><parent link="a"/><child link="b"/>{}</joint>'
-    limit = '<limit lower="-1" upper="1" effort="30" velocity="4"/>'
-    return f'<robot name="two">{link.format("a", mesh)}{link.format("b", mesh)}{joint.format(limit)}</robot>'
-
-
 @pytest.mark.parametrize("gone", [False, True])
 def test_a_controller_that_needs_the_mesh_is_not_made(tmp_path: Path, gone: bool):
     mesh = tmp_path / "part.stl"
     mesh.write_bytes(b"")
-    (tmp_path / "robot.urdf").write_text(robot_with("part.stl"))
-    robot = wbc.load(tmp_path / "robot.urdf")
+    links = [link(name, inertial(), shape('<mesh filename="part.stl"/>')) for name in "ab"]
+    robot = wbc.load(saved(tmp_path, *links, joint("j", "a", "b")))
     if gone:
         mesh.unlink()
     stack = wbc.Stack([Posture(robot.q0)], subject_to=[CollisionAvoidance(margin=0.01)])
