@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import re
 import warnings
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
+from tests.models.builders import quietly
 from wbc.errors import ModelError
 from wbc.models import load
 from wbc.models.catalogue import EXAMPLES, example_robots
-from wbc.models.pinocchio_ import PinocchioModel
 
 try:
     ROOT = example_robots()
@@ -21,15 +20,9 @@ except ModelError as missing:
     pytest.skip(str(missing), allow_module_level=True)
 
 
-def loaded(name: str, **settings: Any) -> PinocchioModel:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return load(name, **settings)
-
-
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_every_robot_of_the_table_loads(name: str):
-    robot = loaded(name)
+    robot = quietly(name)
     assert robot.name == name and robot.nv == robot.nb + robot.nj
     assert (robot.nb == 6) == (EXAMPLES[name].base == "floating")
     joints = robot.q0[robot.nq - robot.nj :]
@@ -51,7 +44,7 @@ def test_the_robots_that_benchmarks_use_load_without_a_word(name: str):
 
 @pytest.mark.parametrize("name", ["go2", "g1", "talos", "anymal_c", "tiago"])
 def test_the_model_is_the_one_that_pinocchio_reads_from_the_file(name: str):
-    robot = loaded(name, feet=[])  # feet that are found bring frames along
+    robot = quietly(name, feet=[])  # feet that are found bring frames along
     root = (pin.JointModelFreeFlyer(),) if robot.nb else ()
     text = re.sub(r'type="continuous"', 'type="revolute"', robot.urdf.path.read_text())
     text = re.sub(r"<limit (?![^>]*lower)", '<limit lower="-1e30" upper="1e30" ', text)

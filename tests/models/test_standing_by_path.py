@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from hypothesis import strategies as st
 
 import wbc
 from tasks import CenterOfMass, Orientation, Position, Posture, TorqueLimits, feet
+from tests.models.builders import at, inertial, joint, link, origin, quietly, saved, shape
 from tests.robots.examples import needs_examples
 from wbc.errors import InvalidInput, ModelError, NotSupported, UnknownConfiguration, UnknownFrame, UnknownJoint
 from wbc.models import load
@@ -47,20 +49,13 @@ LEGGED = {
 }
 
 
-def quietly(path: str | Path, **settings: Any) -> PinocchioModel:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return load(path, **settings)
-
-
 def example(file: str, **settings: Any) -> PinocchioModel:
     return quietly(example_robots() / "robots" / file, base="floating", **settings)
 
 
 def corners(robot: PinocchioModel, q: np.ndarray) -> dict[str, np.ndarray]:
     """The lowest points of each foot in the world."""
-    state = robot.state()
-    state.update(0.0, q, np.zeros(robot.nv))
+    state = at(robot, q)
     return {
         name: np.array([state.frame(name).placement.act(np.array(p)) - [0, 0, below] for p, below in foot.lowest()])
         for name, foot in robot.feet.items()
@@ -97,17 +92,12 @@ def test_it_stands_in_physics_without_a_number_from_the_user(file: str):
     robot = example(file)
     state, base = robot.state(), robot.frame_names[0]
     com, upright = state.com.copy(), np.array(state.frame(base).rotation)
-    tasks = [
-        CenterOfMass(target=com, kp=100),
-        Orientation(base, target=upright, kp=100),
-        Posture(robot.q0, weight=1e-3),
-    ]
-    stack = wbc.Stack(tasks, contacts=feet(robot), subject_to=[TorqueLimits()])
+    goals = [CenterOfMass(target=com, kp=100), Orientation(base, target=upright, kp=100)]
+    stack = wbc.Stack([*goals, Posture(robot.q0, weight=1e-3)], contacts=feet(robot), subject_to=[TorqueLimits()])
     plant = MujocoPlant(robot, contacts=feet(robot, friction_share=1.0), dt=2e-3)
     run = simulate(wbc.Controller(robot, stack, level=wbc.InverseDynamics(), dt=2e-3), plant, duration=1.0)
     assert run.meta["ended"] == "complete" and not plant.fallen
-    state.update(0.0, plant.q, plant.v)
-    assert np.linalg.norm(state.com - com) < 0.02
+    assert np.linalg.norm(at(robot, plant.q).com - com) < 0.02
 
 
 @pytest.mark.parametrize("name", ["quadruped", "humanoid"])
@@ -154,11 +144,8 @@ def test_feet_are_given_by_frame_or_whole():
 @pytest.mark.parametrize(("frame", "leans"), [("left_sole", False), ("left_thigh", False), ("sideways", True)])
 def test_a_sole_whose_frame_does_not_look_up_is_said(tmp_path: Path, frame: str, leans: bool):
     path = tmp_path / "humanoid.urdf"
-    more = (
-        '<link name="sideways"/><joint name="turned" type="fixed"><origin rpy="0 1.57 0"/><parent link="left_sole"/>'
-        '<child link="sideways"/></joint></robot>'
-    )
-    path.write_text((OWN_ROBOTS / "humanoid.urdf").read_text().replace("</robot>", more))
+    more = link("sideways") + joint("turned", "left_sole", "sideways", "fixed", origin(rpy="0 1.57 0"))
+    path.write_text((OWN_ROBOTS / "humanoid.urdf").read_text().replace("</robot>", f"{more}</robot>"))
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         load(path, base="floating", feet=[Foot(frame, "sole", 0.6, half_size=(0.1, 0.05))])
@@ -168,35 +155,21 @@ def test_a_sole_whose_frame_does_not_look_up_is_said(tmp_path: Path, frame: str,
 @pytest.mark.parametrize("seed", range(4))
 def test_the_order_of_links_in_a_file_says_nothing(tmp_path: Path, seed: int):
     """The feet are turned against the base, so that their soles get frames of their own, along the base."""
-    path = tmp_path / "robot.urdf"
-    weight = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
     turned = pin.rpy.rpyToMatrix(np.array([0.3, 0.2, 0.5]))
-    x, y, z = turned.T @ [0.03, 0.0, -0.05]
-    roll, pitch, yaw = pin.rpy.matrixToRpy(turned.T)
-    sole = (
-        f'<collision><origin xyz="{x} {y} {z}" rpy="{roll} {pitch} {yaw}"/><geometry><box size="0.2 0.1 0.02"/>'
-        "</geometry></collision>"
-    )
-    links = [f'<link name="base">{weight}</link>']
-    joints = []
-    for side, where in (("left", 0.1), ("right", -0.1)):
-        links += [f'<link name="{side}_leg">{weight}</link>', f'<link name="{side}_foot">{weight}{sole}</link>']
-        links.append(f'<link name="{side}_foot_imu"/>')
-        joints.append(
-            f'<joint name="{side}_imu" type="fixed"><parent link="{side}_foot"/><child link="{side}_foot_imu"/></joint>'
-        )
-        for name, parent, child, at in (
-            ("hip", "base", f"{side}_leg", f'xyz="0 {where} 0"'),
-            ("ankle", f"{side}_leg", f"{side}_foot", 'xyz="0 0 -0.5" rpy="0.3 0.2 0.5"'),
-        ):
-            joints.append(
-                f'<joint name="{side}_{name}" type="revolute"><origin {at}/><parent link="{parent}"/>'
-                f'<child link="{child}"/><limit lower="-1" upper="1" effort="9" velocity="9"/></joint>'
-            )
+    place = origin(turned.T @ [0.03, 0.0, -0.05], pin.rpy.matrixToRpy(turned.T))
+    sole = shape('<box size="0.2 0.1 0.02"/>', place)
+    links, joints = [link("base", inertial())], []
+    for side, y in (("left", 0.1), ("right", -0.1)):
+        leg, foot, imu = f"{side}_leg", f"{side}_foot", f"{side}_foot_imu"
+        links += [link(leg, inertial()), link(foot, inertial(), sole), link(imu)]
+        joints += [
+            joint(f"{side}_imu", foot, imu, "fixed"),
+            joint(f"{side}_hip", "base", leg, inside=origin(f"0 {y} 0")),
+            joint(f"{side}_ankle", leg, foot, inside=origin("0 0 -0.5", "0.3 0.2 0.5")),
+        ]
     np.random.default_rng(seed).shuffle(links)
-    path.write_text(f'<robot name="biped">{"".join(links + joints)}</robot>')
     with pytest.warns(Guessed):
-        robot = load(path, base="floating")
+        robot = load(saved(tmp_path, *links, *joints), base="floating")
     assert set(robot.feet) == {"left_foot_foot", "right_foot_foot"}
     for frame, foot in robot.feet.items():
         assert foot.half_size == pytest.approx((0.1, 0.05))
@@ -206,30 +179,19 @@ def test_the_order_of_links_in_a_file_says_nothing(tmp_path: Path, seed: int):
 @pytest.mark.parametrize(("carrier", "count"), [("gripper_base", 0), ("palm", 0), ("ankle", 6), ("spur", 6)])
 def test_fingers_of_any_name_on_a_hand_are_no_feet(carrier: str, count: int, tmp_path: Path):
     """Two limbs that hang down and part into three: of hands whatever they are called, and of legs with toes."""
-    text = f'<robot name="r"><link name="trunk">{ball(0.1)}</link>'
+
+    def ball(name: str, radius: float) -> str:
+        return link(name, inertial(), shape(f'<sphere radius="{radius}"/>'))
+
+    def hangs(name: str, parent: str, place: str, radius: float) -> str:
+        return ball(name, radius) + joint(f"to_{name}", parent, name, inside=origin(place))
+
+    parts = [ball("trunk", 0.1)]
     for side, y in (("left", 0.3), ("right", -0.3)):
-        text += joined("trunk", f"{side}_upper", f"0 {y} 0", 0.03) + joined(
-            f"{side}_upper", f"{side}_{carrier}", "0 0 -0.5", 0.03
-        )
-        for k in range(3):
-            text += joined(f"{side}_{carrier}", f"{side}_index_{k}", f"{0.05 * k} 0 -0.1", 0.02)
-    (tmp_path / "r.urdf").write_text(text + "</robot>")
-    assert len(quietly(tmp_path / "r.urdf", base="floating").feet) == count
-
-
-def ball(radius: float) -> str:
-    return (
-        '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
-        f'<collision><geometry><sphere radius="{radius}"/></geometry></collision>'
-    )
-
-
-def joined(parent: str, child: str, place: str, radius: float) -> str:
-    return (
-        f'<link name="{child}">{ball(radius)}</link><joint name="to_{child}" type="revolute"><parent link="{parent}"/>'
-        f'<child link="{child}"/><origin xyz="{place}"/><axis xyz="0 1 0"/>'
-        '<limit lower="-1" upper="1" effort="9" velocity="1"/></joint>'
-    )
+        upper, end = f"{side}_upper", f"{side}_{carrier}"
+        parts += [hangs(upper, "trunk", f"0 {y} 0", 0.03), hangs(end, upper, "0 0 -0.5", 0.03)]
+        parts += [hangs(f"{side}_index_{k}", end, f"{0.05 * k} 0 -0.1", 0.02) for k in range(3)]
+    assert len(quietly(saved(tmp_path, *parts), base="floating").feet) == count
 
 
 def test_an_arm_that_floats_has_no_feet():
@@ -303,22 +265,14 @@ def test_a_stance_outside_the_limits_is_not_taken():
 
 @pytest.mark.parametrize("round_ends", [True, False])
 def test_wheels_are_no_feet_though_shanks_that_turn_without_end_are(tmp_path: Path, round_ends: bool):
-    inertial = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
-    shape = (
-        '<origin rpy="1.5707963 0 0"/><geometry><cylinder radius="0.1" length="0.04"/></geometry>'
-        if round_ends
-        else '<origin xyz="0 0 -0.1"/><geometry><box size="0.02 0.02 0.2"/></geometry>'
-    )
-    ends = "".join(
-        f'<link name="end_{x}_{y}">{inertial}<collision>{shape}</collision></link><joint name="turn_{x}_{y}" '
-        f'type="continuous"><origin xyz="{x} {y} 0"/><parent link="body"/><child link="end_{x}_{y}"/>'
-        '<axis xyz="0 1 0"/></joint>'
-        for x in (-0.3, 0.3)
-        for y in (-0.2, 0.2)
-    )
-    path = tmp_path / "cart.urdf"
-    path.write_text(f'<robot name="cart"><link name="body">{inertial}</link>{ends}</robot>')
-    assert len(quietly(path, base="floating").feet) == (0 if round_ends else 4)
+    wheel = shape('<cylinder radius="0.1" length="0.04"/>', origin(rpy="1.5707963 0 0"))
+    shank = shape('<box size="0.02 0.02 0.2"/>', origin("0 0 -0.1"))
+    parts = [link("body", inertial())]
+    for x, y in product((-0.3, 0.3), (-0.2, 0.2)):
+        end = f"end_{x}_{y}"
+        parts.append(link(end, inertial(), wheel if round_ends else shank))
+        parts.append(joint(f"turn_{x}_{y}", "body", end, "continuous", origin(f"{x} {y} 0")))
+    assert len(quietly(saved(tmp_path, *parts), base="floating").feet) == (0 if round_ends else 4)
 
 
 # ---- what a foot is
@@ -356,27 +310,22 @@ def test_a_box_is_measured_as_it_is_wherever_the_robot_stands(seed: int):
     assert foot.origin == pytest.approx((at[0], at[1], at[2] - size[2] / 2))
 
 
-def ball_file(folder: Path, radius: float, level: int) -> Path:
-    """A ball as triangles: rings of points."""
+def ball_file(path: Path, radius: float, level: int) -> Path:
+    """A ball as triangles: rings of 24 points."""
     turn, tilt = np.linspace(0, 2 * np.pi, 24, endpoint=False), np.linspace(-np.pi / 2, np.pi / 2, level)
-    lines = [
-        f"v {radius * np.cos(b) * np.cos(a)} {radius * np.cos(b) * np.sin(a)} {radius * np.sin(b)}"
-        for b in tilt for a in turn
-    ]  # fmt: skip
-    faces = [
-        f"f {i * 24 + j + 1} {i * 24 + (j + 1) % 24 + 1} {(i + 1) * 24 + j + 1}"
-        for i in range(level - 1)
-        for j in range(24)
+    points = [radius * np.array([np.cos(b) * np.cos(a), np.cos(b) * np.sin(a), np.sin(b)]) for b in tilt for a in turn]
+    faces = [(24 * i + j, 24 * i + (j + 1) % 24, 24 * (i + 1) + j) for i in range(level - 1) for j in range(24)]
+    lines = ["v {} {} {}".format(*point) for point in points] + [
+        "f {} {} {}".format(*np.add(face, 1)) for face in faces
     ]
-    path = folder / "ball.obj"
-    path.write_text("\n".join(lines + faces))
+    path.write_text("\n".join(lines))
     return path
 
 
 @pytest.mark.parametrize("radius", [0.015, 0.03, 0.06])
 def test_a_ball_made_of_triangles_is_a_ball(tmp_path: Path, radius: float):
     urdf = load("arm").urdf
-    mesh = Geometry("base", Mesh(ball_file(tmp_path, radius, 41)), Origin((0.1, 0.0, -0.2)))
+    mesh = Geometry("base", Mesh(ball_file(tmp_path / "ball.obj", radius, 41)), Origin((0.1, 0.0, -0.2)))
     robot = PinocchioModel(replace(urdf, collisions=(mesh,)), base="floating")
     measured = Measured(robot, robot.q0)
     measured.add("base")
@@ -391,11 +340,9 @@ def test_a_planar_base_is_three_joints_that_drive():
     assert robot.joint_names[:3] == ("base_x", "base_y", "base_yaw") and (robot.nb, robot.nq) == (0, 10)
     assert robot.joint_units[:3] == ("m", "m", "rad") and np.isinf(robot.limits.v_max[:3]).all()
     assert repr(robot).startswith("arm (10 joints, planar base")
-    state, still = robot.state(), load("arm").state()
-    q = np.r_[1.0, 2.0, np.pi / 2, robot.q0[3:]]
-    state.update(0.0, q, np.zeros(10))
-    x, y, z = still.frame("tool").position
-    np.testing.assert_allclose(state.frame("tool").position, [1.0 - y, 2.0 + x, z], atol=1e-12)
+    x, y, z = load("arm").state().frame("tool").position
+    turned = at(robot, np.r_[1.0, 2.0, np.pi / 2, robot.q0[3:]])
+    np.testing.assert_allclose(turned.frame("tool").position, [1.0 - y, 2.0 + x, z], atol=1e-12)
 
 
 @pytest.mark.physics
@@ -411,8 +358,6 @@ def test_a_planar_base_carries_its_arm_where_that_does_not_reach():
     )
     plant = MujocoPlant(robot, dt=2e-3)
     run = simulate(wbc.Controller(robot, stack, level=wbc.InverseDynamics(), dt=2e-3), plant, duration=4.0)
-    state = robot.state()
-    state.update(0.0, plant.q, plant.v)
     assert run.meta["ended"] == "complete" and max(plant.agreement.values()) < 1e-9
-    np.testing.assert_allclose(state.frame("tool").position, target, atol=5e-3)
+    np.testing.assert_allclose(at(robot, plant.q).frame("tool").position, target, atol=5e-3)
     assert np.hypot(*plant.q[:2]) > 0.5

@@ -22,7 +22,8 @@ from tasks import (
     TorqueLimits,
     feet,
 )
-from tests.models.test_standing_by_path import example, quietly
+from tests.models.builders import quietly
+from tests.models.test_standing_by_path import example
 from tests.robots.examples import needs_examples
 from wbc.models.catalogue import example_robots
 from wbc.models.pinocchio_ import Base, PinocchioModel
