@@ -49,6 +49,16 @@ def compare(robot: Any, physics: Any, seed: int, tolerance: float = 1e-12) -> No
                 np.testing.assert_allclose(frame.rotation, axes[i].reshape(3, 3), atol=tolerance)
 
 
+def corners(physics: Any) -> list[list[float]]:
+    """The vertices of the only mesh in the axes of its body, sorted; MuJoCo has them in single precision."""
+    import mujoco
+
+    geom, R = int(np.flatnonzero(physics.geom_type == mujoco.mjtGeom.mjGEOM_MESH)[0]), np.zeros(9)
+    mujoco.mju_quat2Mat(R, physics.geom_quat[geom])
+    found: list[list[float]] = (physics.mesh_vert @ R.reshape(3, 3).T + physics.geom_pos[geom]).tolist()
+    return sorted(found)
+
+
 def _joint(physics: Any, name: str) -> int:
     """A joint without a name is called by its number."""
     import mujoco

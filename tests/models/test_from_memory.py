@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import warnings
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -14,7 +13,8 @@ import pytest
 
 import wbc
 from tasks import Posture, feet
-from tests.models.mjcf_oracle import compare
+from tests.models.builders import at, link, quietly, shape
+from tests.models.mjcf_oracle import compare, corners
 from tests.robots.examples import needs_examples
 from wbc.errors import InvalidInput, ModelError, PathRefused
 from wbc.models import load
@@ -34,21 +34,13 @@ FILES = [
 ]
 
 
-def quietly(robot: Any, **settings: Any) -> PinocchioModel:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return load(robot, **settings)
-
-
 def assert_same(robot: PinocchioModel, model: Any, seed: int) -> None:
     """M, h and every frame at a random state that is the same for both."""
     rng = np.random.default_rng(seed)
     q, v = robot.random_configuration(rng), rng.standard_normal(robot.nv)
-    theirs = robot.to_pinocchio(q)
+    theirs, data, state = robot.to_pinocchio(q), model.createData(), at(robot, q, v)
     assert theirs.shape == (model.nq,)
     np.testing.assert_allclose(robot.difference(q, robot.from_pinocchio(theirs)), 0.0, atol=1e-12)
-    data, state = model.createData(), robot.state()
-    state.update(0.0, q, v)
     M = np.triu(pin.crba(model, data, theirs))
     M = M + np.triu(M, 1).T
     np.testing.assert_allclose(state.M, M, atol=1e-10 * np.abs(M).max())
@@ -140,11 +132,10 @@ def test_it_is_simulated_and_controlled_as_any_other(name: str):
 def test_shapes_come_along():
     path = str(OWN / "humanoid.urdf")
     model = pin.buildModelFromUrdf(path, pin.JointModelFreeFlyer())
-    shapes = {
-        kind: pin.buildGeomFromUrdf(model, path, getattr(pin.GeometryType, kind.upper()))
-        for kind in ("collision", "visual")
-    }
-    wrapper = SimpleNamespace(model=model, collision_model=shapes["collision"], visual_model=shapes["visual"])
+    solid, seen = (
+        pin.buildGeomFromUrdf(model, path, kind) for kind in (pin.GeometryType.COLLISION, pin.GeometryType.VISUAL)
+    )
+    wrapper = SimpleNamespace(model=model, collision_model=solid, visual_model=seen)
     robot, known = quietly(wrapper), load("humanoid")
     for ours, theirs in ((robot.collisions, known.collisions), (robot.visuals, known.visuals)):
         assert sorted(type(g.shape).__name__ for g in ours) == sorted(type(g.shape).__name__ for g in theirs)
@@ -174,10 +165,8 @@ def test_the_base_of_a_model_can_be_another(base: str | None, own: str):
     moon, robots = model.gravity.linear, [quietly(model, base=base), load(path, base=base or own, feet=[])]
     assert np.array_equal(robots[0].gravity, moon) and robots[0].joint_names == robots[1].joint_names
     assert robots[0].mass == pytest.approx(robots[1].mass)
-    states = [robot.state() for robot in robots]
     q, v = robots[1].random_configuration(np.random.default_rng(0)), np.arange(robots[1].nv) + 1.0
-    for state in states:
-        state.update(0.0, q, v)
+    states = [at(robot, q, v) for robot in robots]
     lift = (np.array([0.0, 0.0, -9.81]) - moon) @ states[1].centroidal_map[:3]
     np.testing.assert_allclose(states[0].M, states[1].M, atol=1e-12)
     np.testing.assert_allclose(states[0].h, states[1].h + lift, atol=1e-10)
@@ -189,9 +178,7 @@ def test_the_base_of_a_model_can_be_another(base: str | None, own: str):
 def test_the_order_of_joints_stays_on_another_base(seed: int):
     robot = quietly(model := grown(seed, None), base="floating")
     assert robot.joint_names == tuple(model.names)[1:]
-    on_world = quietly(model).state()
-    state = robot.state()
-    np.testing.assert_allclose(state.M[6:, 6:], on_world.M, atol=1e-12)
+    np.testing.assert_allclose(robot.state().M[6:, 6:], quietly(model).state().M, atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -267,20 +254,21 @@ def test_a_folder_is_the_robot_in_it(tmp_path: Path):
 def test_a_module_of_robot_descriptions_is_its_file(tmp_path: Path):
     for folder in ("arm/urdf", "arm/meshes", "other"):
         (tmp_path / folder).mkdir(parents=True)
-    shape = '<visual><geometry><mesh filename="package://arm/meshes/part.stl"/></geometry></visual>'
-    text = (OWN / "arm.urdf").read_text()
-    at = text.index('<link name="base"')
-    at = text.index(">", at) + 1
-    module = ModuleType("arm_description")
-    module.URDF_PATH = str(tmp_path / "arm/urdf/arm.urdf")  # type: ignore[attr-defined]
+    module: Any = ModuleType("arm_description")
+    module.URDF_PATH = str(tmp_path / "arm/urdf/arm.urdf")
     (tmp_path / "arm/meshes/part.stl").write_text("solid part")
-    Path(module.URDF_PATH).write_text(text[:at] + shape + text[at:])  # type: ignore[attr-defined]
+
+    def write(mesh: str) -> None:
+        seen = link("base", shape(f'<mesh filename="package://arm/{mesh}"/>', kind="visual"))
+        text = (OWN / "arm.urdf").read_text().replace('<link name="base">', seen.removesuffix("</link>"))
+        Path(module.URDF_PATH).write_text(text)
+
+    write("meshes/part.stl")
     with pytest.warns(UserWarning, match="there is no mesh 'package://arm/meshes/part.stl'"):
         load(module)
-    module.PACKAGE_PATH = str(tmp_path / "arm")  # type: ignore[attr-defined]
-    module.REPOSITORY_PATH = str(tmp_path)  # type: ignore[attr-defined]
+    module.PACKAGE_PATH, module.REPOSITORY_PATH = str(tmp_path / "arm"), str(tmp_path)
     assert any(isinstance(g.shape, Mesh) for g in load(module).visuals)
-    Path(module.URDF_PATH).write_text(text[:at] + shape.replace("arm/", "arm/../../../") + text[at:])  # type: ignore[attr-defined]
+    write("../../../meshes/part.stl")
     with pytest.raises(PathRefused):
         load(module)
 
@@ -317,13 +305,9 @@ def test_mujocos_model_in_memory_is_the_robot(kind: str):
     (mesh,) = (g for g in robot.visuals if isinstance(g.shape, Mesh))
     (box,) = (g for g in robot.collisions if isinstance(g.shape, Box))
     assert box.shape.size == pytest.approx((0.2, 0.4, 0.6))
-    R = np.zeros(9)
-    mujoco.mju_quat2Mat(R, physics.geom_quat[0])
-    theirs = physics.mesh_vert @ R.reshape(3, 3).T + physics.geom_pos[0]
     lines = [line.split() for line in mesh.shape.path.read_text().splitlines()]
-    corners = np.array([line[1:] for line in lines if line[0] == "v"], dtype=float)
-    ours = corners @ mesh.origin.rotation.T + mesh.origin.xyz
-    np.testing.assert_allclose(sorted(ours.tolist()), sorted(theirs.tolist()), atol=1e-6)
+    ours = np.array([line[1:] for line in lines if line[0] == "v"], dtype=float) @ mesh.origin.rotation.T
+    np.testing.assert_allclose(sorted((ours + mesh.origin.xyz).tolist()), corners(physics), atol=1e-6)
     folder = mesh.shape.path.parent
     del robot, mesh, box
     gc.collect()
@@ -331,17 +315,9 @@ def test_mujocos_model_in_memory_is_the_robot(kind: str):
 
 
 @pytest.mark.physics
-def test_a_spec_that_does_not_compile_is_refused_and_what_is_left_out_is_said():
+def test_a_spec_that_does_not_compile_is_refused():
     mujoco = pytest.importorskip("mujoco", reason="the extra `sim`")
     spec = mujoco.MjSpec()
     spec.worldbody.add_body(name="b").add_joint(name="j")
     with pytest.raises(ModelError, match="mass and inertia"):
         load(spec)
-    with_tendon = SCENE.replace(
-        "<actuator>",
-        '<tendon><fixed name="cord"><joint joint="hinge" coef="1"/></fixed></tendon><actuator><motor name="winch" '
-        'tendon="cord"/>',
-    )
-    with pytest.warns(UserWarning, match="tendon 'cord' is left out; actuator 'winch' is left out: it moves no joint"):
-        robot = load(mujoco.MjModel.from_xml_string(with_tendon))
-    assert robot.limits.tau_max.tolist() == [5.0, 0.0]

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 import wbc
 from tasks import mimic_joints
-from tests.models.mjcf_oracle import compare
+from tests.models.builders import at, quietly
+from tests.models.mjcf_oracle import compare, corners
 from wbc.errors import ModelError, PathRefused
 from wbc.models.feet import Guessed
 from wbc.models.geometry import Cylinder, Mesh, Sphere
@@ -68,12 +69,13 @@ BODY = """
 FREE, FIXED = BODY.format(base="<freejoint/>"), BODY.format(base="")
 
 
-def loaded(folder: Path, text: str, **options):
-    """The robot of a text; what is odd about it is not the matter here."""
-    path = folder / "robot.xml"
-    path.write_text(text)
-    with pytest.warns(UserWarning):
-        return wbc.load(path, **options)
+def written(folder: Path, files: str | dict[str, str]) -> Path:
+    """The first of some files, or robot.xml with a text."""
+    files = {"robot.xml": files} if isinstance(files, str) else files
+    for name, text in files.items():
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text(text)
+    return folder / next(iter(files))
 
 
 def simple(*, body: str = "", joint: str = 'type="hinge"', more: str = "") -> str:
@@ -87,7 +89,7 @@ def simple(*, body: str = "", joint: str = 'type="hinge"', more: str = "") -> st
 def both(request, tmp_path_factory):
     """The robot, and MuJoCo's own reading of the same file."""
     physics = mujoco.MjModel.from_xml_string(request.param)
-    return loaded(tmp_path_factory.mktemp("mjcf"), request.param), physics
+    return quietly(written(tmp_path_factory.mktemp("mjcf"), request.param)), physics
 
 
 @settings(max_examples=20)
@@ -106,8 +108,7 @@ def test_our_robots_written_as_mjcf_are_the_same_robots(tmp_path, name, base):
     if base == "floating":
         spec.worldbody.first_body().add_freejoint()
     physics = spec.compile()
-    path = tmp_path / "robot.xml"
-    path.write_text(spec.to_xml())
+    path = written(tmp_path, spec.to_xml())
     again = wbc.load(path, feet=[])
     assert (again.base, set(again.joint_names)) == (base, set(robot.joint_names))
     order = [again.joint_names.index(joint) for joint in robot.joint_names]
@@ -161,33 +162,24 @@ def test_a_capsule_is_a_cylinder_with_two_balls_and_what_does_not_collide_is_onl
 
 def test_physics_is_built_from_it_with_its_rotors(tmp_path):
     arm = simple(joint='axis="0 1 0" pos="0 0 0.1" armature="0.5" actuatorfrcrange="-9 9"', body='<site name="s"/>')
-    path = tmp_path / "arm.xml"
-    path.write_text(arm)
-    plant = MujocoPlant(wbc.load(path))
+    plant = MujocoPlant(wbc.load(written(tmp_path, arm)))
     assert max(plant.agreement.values()) < 1e-11
     assert plant.physics.dof_armature[0] == 0.5
 
 
 def test_a_mesh_lies_where_the_file_has_it_whatever_the_compiler_does_to_it(tmp_path):
     (tmp_path / "shapes").mkdir()
-    corners = [(0, 0, 0), (1, 0, 0), (0, 2, 0), (0, 0, 3)]
-    faces = ["1 3 2", "1 2 4", "1 4 3", "2 3 4"]
-    lines = [f"v {x} {y} {z}" for x, y, z in corners] + [f"f {face}" for face in faces]
+    points, faces = [(0, 0, 0), (1, 0, 0), (0, 2, 0), (0, 0, 3)], ["1 3 2", "1 2 4", "1 4 3", "2 3 4"]
+    lines = ["v {} {} {}".format(*point) for point in points] + [f"f {face}" for face in faces]
     (tmp_path / "shapes" / "wedge.obj").write_text("\n".join(lines))
     text = simple(
         body='<geom type="mesh" mesh="wedge" pos="1 2 3" euler="10 20 30"/>',
         more='<compiler meshdir="shapes"/><asset><mesh file="wedge.obj" scale="0.1 0.1 0.1"/></asset>',
     )
-    path = tmp_path / "arm.xml"
-    path.write_text(text)
+    path = written(tmp_path, text)
     (mesh,) = [shape for shape in wbc.load(path).visuals if isinstance(shape.shape, Mesh)]
-    physics = mujoco.MjModel.from_xml_path(str(path))
-    geom = int(np.flatnonzero(physics.geom_type == mujoco.mjtGeom.mjGEOM_MESH)[0])
-    R = np.zeros(9)
-    mujoco.mju_quat2Mat(R, physics.geom_quat[geom])
-    theirs = physics.mesh_vert @ R.reshape(3, 3).T + physics.geom_pos[geom]
-    ours = np.array(corners) * mesh.shape.scale @ mesh.origin.rotation.T + mesh.origin.xyz
-    np.testing.assert_allclose(sorted(ours.tolist()), sorted(theirs.tolist()), atol=1e-6)  # vertices are in float32
+    ours = np.array(points) * mesh.shape.scale @ mesh.origin.rotation.T + mesh.origin.xyz
+    np.testing.assert_allclose(sorted(ours.tolist()), corners(mujoco.MjModel.from_xml_path(str(path))), atol=1e-6)
 
 
 REFUSED = {
@@ -234,29 +226,23 @@ REFUSED = {
 @pytest.mark.parametrize("text", REFUSED, ids=str)
 def test_what_is_not_supported_is_refused_by_name(tmp_path, text):
     content, message = REFUSED[text]
-    path = tmp_path / "robot.xml"
-    path.write_text(content)
+    path = written(tmp_path, content)
     with pytest.raises(ModelError, match=r"robot\.xml: ") as refusal:
         wbc.load(path)
     assert message in str(refusal.value)
 
 
-@pytest.mark.parametrize("file", ["../secret.stl", "/etc/passwd", "http://host/a.stl"])
-def test_a_mesh_elsewhere_is_refused(tmp_path, file):
-    path = tmp_path / "robot.xml"
-    path.write_text(simple(more=f'<asset><mesh name="m" file="{file}"/></asset>'))
-    with pytest.raises(PathRefused):
-        wbc.load(path)
+ELSEWHERE = [
+    f'<asset><mesh name="m" file="{file}"/></asset>' for file in ("../a.stl", "/etc/passwd", "http://host/a.stl")
+]
+ELSEWHERE += [f'<include file="{file}"/>' for file in ("../a.xml", "/etc/passwd", "a/../../a.xml", "http://host/a.xml")]
 
 
-@pytest.mark.parametrize("file", ["../secret.xml", "/etc/passwd", "a/../../secret.xml", "http://host/a.xml"])
-def test_a_file_elsewhere_is_not_included(tmp_path, file):
-    path = tmp_path / "home" / "robot.xml"
-    path.parent.mkdir()
-    (tmp_path / "secret.xml").write_text("<x><option/></x>")
-    path.write_text(simple(more=f'<include file="{file}"/>'))
+@pytest.mark.parametrize("file", ELSEWHERE)
+def test_a_mesh_or_a_part_that_is_elsewhere_is_refused(tmp_path, file):
+    (tmp_path / "a.xml").write_text("<x><option/></x>")
     with pytest.raises(PathRefused):
-        wbc.load(path)
+        wbc.load(written(tmp_path, {"home/robot.xml": simple(more=file)}))
 
 
 #: A scene includes a robot, which includes what stands beside it; a mesh is looked for from the scene.
@@ -268,13 +254,6 @@ SCENE = {
     "parts/arm.xml": '<any><body name="arm" pos="1 0 0"><joint name="elbow" axis="0 1 0"/><geom size=".2"/></body>'
     "</any>",
 }
-
-
-def written(folder: Path, files: dict[str, str]) -> Path:
-    for name, text in files.items():
-        (folder / name).parent.mkdir(exist_ok=True)
-        (folder / name).write_text(text)
-    return folder / next(iter(files))
 
 
 def test_a_robot_in_several_files_is_what_mujoco_makes_of_them(tmp_path):
@@ -301,10 +280,10 @@ def test_what_cannot_be_included_is_said(tmp_path, change, message):
 
 
 def test_things_that_lie_about_are_not_the_robot(tmp_path):
-    path = tmp_path / "scene.xml"
-    path.write_text(
+    path = written(
+        tmp_path,
         '<mujoco><worldbody><body name="cube" pos="1 0 1"><freejoint/><geom size=".1"/></body><body name="link">'
-        '<joint name="hinge" axis="1 0 0"/><geom size=".1" pos="0 0 1"/></body></worldbody></mujoco>'
+        '<joint name="hinge" axis="1 0 0"/><geom size=".1" pos="0 0 1"/></body></worldbody></mujoco>',
     )
     with pytest.warns(UserWarning, match="body 'cube', which is free and has no joints, is left out"):
         robot = wbc.load(path)
@@ -313,9 +292,8 @@ def test_things_that_lie_about_are_not_the_robot(tmp_path):
 
 
 def test_a_site_named_as_its_body_is_another_frame(tmp_path):
-    path = tmp_path / "robot.xml"
-    path.write_text(simple(body='<site name="link" pos="0 0 1"/>'))
-    assert {"link", "link_site"} <= set(wbc.load(path).frame_names)
+    robot = wbc.load(written(tmp_path, simple(body='<site name="link" pos="0 0 1"/>')))
+    assert {"link", "link_site"} <= set(robot.frame_names)
 
 
 #: Names that this library gives to links and joints of the robot below, and some of its own.
@@ -349,15 +327,15 @@ def test_names_of_a_file_are_kept_whatever_we_call_the_parts_that_we_add(joints,
         np.testing.assert_allclose(state.frame(name).position, data.site(name).xpos, atol=1e-9)
 
 
-def test_what_is_left_out_is_said(tmp_path):
+@pytest.mark.parametrize("in_memory", [False, True])
+def test_what_is_left_out_is_said(tmp_path, in_memory):
     more = (
         '<tendon><fixed name="cord"><joint joint="hinge" coef="1"/></fixed></tendon>'
         '<actuator><motor name="winch" tendon="cord"/></actuator>'
     )
-    path = tmp_path / "robot.xml"
-    path.write_text(simple(joint='stiffness="0 3" damping="1 2"', more=more))
+    path = written(tmp_path, simple(joint='stiffness="0 3" damping="1 2"', more=more))
     with pytest.warns(UserWarning) as said:
-        wbc.load(path)
+        wbc.load(mujoco.MjModel.from_xml_path(str(path)) if in_memory else path)
     text = str(said[0].message)
     assert "the spring (stiffness) of joint 'hinge' is left out" in text
     assert "the damping of joint 'hinge' beyond its linear part is left out" in text
@@ -371,10 +349,10 @@ def test_what_is_left_out_is_said(tmp_path):
      ('material="red" rgba="0 1 0 1"', (0, 1, 0, 1))],
 )  # fmt: skip
 def test_a_colour_of_a_shape_is_before_that_of_its_material(tmp_path, words, color):
-    path = tmp_path / "robot.xml"
-    path.write_text(
+    path = written(
+        tmp_path,
         '<mujoco><asset><material name="red" rgba="1 0 0 1"/></asset><worldbody><body name="a"><joint/>'
-        f'<geom size=".1" {words}/></body></worldbody></mujoco>'
+        f'<geom size=".1" {words}/></body></worldbody></mujoco>',
     )
     (shape,) = wbc.load(path).visuals
     assert shape.color == color
@@ -382,11 +360,11 @@ def test_a_colour_of_a_shape_is_before_that_of_its_material(tmp_path, words, col
 
 @pytest.mark.parametrize("base", ["fixed", "planar", "floating"])
 def test_a_free_robot_on_another_base_is_where_it_is_drawn(tmp_path, base):
-    path = tmp_path / "robot.xml"
     turn = "" if base == "planar" else 'quat="1 2 3 4"'
-    path.write_text(
+    path = written(
+        tmp_path,
         f'<mujoco><worldbody><body name="trunk" pos="0 0 0.4" {turn}><freejoint/><geom size=".1"/><body name="arm" pos='
-        '".1 .2 .3"><joint name="hinge" axis="1 0 0"/><geom size=".1" pos="0 0 1"/></body></body></worldbody></mujoco>'
+        '".1 .2 .3"><joint name="hinge" axis="1 0 0"/><geom size=".1" pos="0 0 1"/></body></body></worldbody></mujoco>',
     )
     robot = wbc.load(path, base=base, feet=[])
     drawn = mujoco.MjData(model := mujoco.MjModel.from_xml_path(str(path)))
@@ -411,8 +389,7 @@ def test_a_free_robot_on_another_base_is_where_it_is_drawn(tmp_path, base):
     ],
 )
 def test_another_gravity_is_left_out_and_said(tmp_path, option, said, in_memory):
-    path = tmp_path / "robot.xml"
-    path.write_text(simple(more=option))
+    path = written(tmp_path, simple(more=option))
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         robot = wbc.load(mujoco.MjModel.from_xml_path(str(path)) if in_memory else path)
@@ -426,8 +403,7 @@ def test_arms_bolted_to_one_world_are_one_robot(tmp_path):
         f'<body name="{side}" pos="0 {y} 0"><joint name="{side}_hinge"/><geom size="1" pos="3 0 0"/></body>'
         for side, y in (("left", 0.5), ("right", -0.5))
     )
-    path = tmp_path / "arms.xml"
-    path.write_text(f"<mujoco><worldbody>{arms}</worldbody></mujoco>")
+    path = written(tmp_path, f"<mujoco><worldbody>{arms}</worldbody></mujoco>")
     robot = wbc.load(path)
     assert (robot.base, set(robot.joint_names)) == ("fixed", {"left_hinge", "right_hinge"})
     compare(robot, mujoco.MjModel.from_xml_path(str(path)), seed=0)
@@ -452,8 +428,7 @@ LEG = """
 
 
 def test_keyframes_are_named_configurations_and_the_feet_are_found(tmp_path):
-    path = tmp_path / "walker.xml"
-    path.write_text(LEGS.format(left=LEG.format("left", 0.1), right=LEG.format("right", -0.1)))
+    path = written(tmp_path, LEGS.format(left=LEG.format("left", 0.1), right=LEG.format("right", -0.1)))
     with pytest.warns(Guessed, match=r"foot 'left_foot', 'right_foot': a sole of 20\.0 x 8\.0 cm"):
         robot = wbc.load(path)
     assert robot.q0[:7] == pytest.approx([0, 0, 0.96, 0, 0, 0.5**0.5, 0.5**0.5]), "drawn at 1 m, its soles at 4 cm"
@@ -462,7 +437,5 @@ def test_keyframes_are_named_configurations_and_the_feet_are_found(tmp_path):
     assert dict(zip(robot.joint_names, low[7:], strict=True)) == {
         f"{side}_{joint}": x for side in ("left", "right") for joint, x in (("hip", 0.5), ("knee", -1), ("ankle", 0.5))
     }
-    state = robot.state()
-    state.update(0.0, low, np.zeros(robot.nv))
-    assert state.frame("right_foot").position[2] == pytest.approx(0.06)
+    assert at(robot, low).frame("right_foot").position[2] == pytest.approx(0.06)
     assert wbc.load(path, q0="low", feet=[]).q0[2] == pytest.approx(0.9), "without feet, where the keyframe has it"
