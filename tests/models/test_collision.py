@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.models.builders import at, joint, link, origin, saved, shape
 from wbc.errors import InvalidInput
 from wbc.models import load
 from wbc.models.collision import Distances, Obstacle
@@ -25,12 +26,26 @@ ARM, QUADRUPED, HUMANOID = robots()
 SEEDS = st.integers(0, 2**32 - 1)
 
 
-def at(x: float, y: float, z: float) -> Any:
+def placed(x: float, y: float, z: float) -> Any:
     return pin.SE3(np.eye(3), np.array([x, y, z]))
 
 
-def ball(name: str = "ball", radius: float = 0.1) -> Obstacle:
-    return Obstacle(name, Sphere(radius), at(0.4, 0.1, 0.4))
+def ball(pose: Any, radius: float = 0.05, name: str = "ball") -> Obstacle:
+    return Obstacle(name, Sphere(radius), pose)
+
+
+BALL = ball(placed(0.4, 0.1, 0.4), 0.1)
+
+
+def beside(*things: Obstacle, count: int = 1, reach: float = 2.0) -> Distances:
+    """Of the arm from these things, and not from itself."""
+    return Distances(ARM, obstacles=list(things), self_collision=False, count=count, reach=reach)
+
+
+def read(distances: Distances, t: float = 0.0) -> Distances:
+    """Read where the arm is in its reference, at rest."""
+    distances.read(at(ARM, t=t))
+    return distances
 
 
 def reading(distances: Distances, state: Any) -> dict[int, float]:
@@ -41,7 +56,7 @@ def reading(distances: Distances, state: Any) -> dict[int, float]:
 @cache
 def measuring(robot: Any) -> tuple[Distances, Any]:
     """Distances that remember what examples before have read, and memory to measure everything anew."""
-    distances = Distances(robot, obstacles=[ball()], count=10_000, reach=0.15)
+    distances = Distances(robot, obstacles=[BALL], count=10_000, reach=0.15)
     return distances, distances._geometry.createData()
 
 
@@ -81,8 +96,8 @@ def test_what_was_read_before_changes_no_bit_of_any_pair():
         rows = enumerate(distances.which.tolist())
         return {pair: tuple(array[row].tobytes() for array in arrays) for row, pair in rows if pair >= 0}
 
-    fresh = [bits(Distances(ARM, obstacles=[ball()], count=1000, reach=0.3), state) for state in states]
-    again = Distances(ARM, obstacles=[ball()], count=1000, reach=0.3)
+    fresh = [bits(Distances(ARM, obstacles=[BALL], count=1000, reach=0.3), state) for state in states]
+    again = Distances(ARM, obstacles=[BALL], count=1000, reach=0.3)
     for i in (0, 3, 1, 2, 2, 0, 3):
         assert fresh[i] == bits(again, states[i])
     again.reset()
@@ -104,13 +119,13 @@ NO_POSES = [
 
 @pytest.mark.parametrize(("rotation", "place", "said"), [*NO_POSES, (None, None, "is None; a pose is a pinocchio.SE3")])
 def test_what_is_no_pose_is_refused_by_name_and_forgotten(rotation: Any, place: Any, said: str):
-    good = at(0.4, 0.1, 0.4)
+    good = placed(0.4, 0.1, 0.4)
     now, bad = [good], None if rotation is None else pin.SE3(rotation, np.array(place))
     few, everything = (
         Distances(ARM, obstacles=[Obstacle("ball", Sphere(0.1), lambda _: now[0])], count=1000) for _ in range(2)
     )
     state = ARM.state()
-    for now[0] in (good, bad, good, at(0.5, 0.1, 0.4), bad, at(0.5, 0.2, 0.4)):
+    for now[0] in (good, bad, good, placed(0.5, 0.1, 0.4), bad, placed(0.5, 0.2, 0.4)):
         if now[0] is bad:
             with pytest.raises(InvalidInput, match=f"the pose of obstacle 'ball' at 0 s {said}"):
                 few.read(state)
@@ -124,7 +139,7 @@ def test_what_is_no_pose_is_refused_by_name_and_forgotten(rotation: Any, place: 
 @pytest.mark.parametrize("far", [1e5, 1e6, 9e7])
 @pytest.mark.parametrize("shape", [Sphere(0.05), Box((0.1, 0.2, 0.3)), Cylinder(0.05, 0.3)], ids=repr)
 def test_what_is_very_far_is_not_near_and_is_found_when_it_is_back(shape: Any, far: float):
-    places = at(0.4, 0.1, 0.4), at(0.6, far, -0.7 * far)
+    places = placed(0.4, 0.1, 0.4), placed(0.6, far, -0.7 * far)
     now = [places[0]]
     distances = Distances(ARM, obstacles=[Obstacle("it", shape, lambda _: now[0])], self_collision=False)
     state = ARM.state()
@@ -135,7 +150,7 @@ def test_what_is_very_far_is_not_near_and_is_found_when_it_is_back(shape: Any, f
 
 def test_a_pair_keeps_its_row_while_others_come_and_go():
     rng = np.random.default_rng(0)
-    distances, state = Distances(ARM, obstacles=[ball()], reach=0.3, count=1000), ARM.state(drifts=False)
+    distances, state = Distances(ARM, obstacles=[BALL], reach=0.3, count=1000), ARM.state(drifts=False)
     row_of: dict[int, int] = {}
     q = np.array(ARM.q0)
     for _ in range(200):
@@ -152,16 +167,14 @@ def test_where_rows_are_few_a_pair_is_replaced_by_one_that_is_nearer_by_a_tenth_
     middle = ARM.state().frame("flange").position
     moves = [0.0]
 
-    def beside(side: float) -> Any:
-        return lambda t: at(middle[0], middle[1] + side * 0.25 + moves[0], middle[2])
+    def on(side: float) -> Any:
+        return lambda t: placed(middle[0], middle[1] + side * 0.25 + moves[0], middle[2])
 
-    balls = [Obstacle(name, Sphere(0.05), beside(side)) for name, side in (("left", 1.0), ("right", -1.0))]
+    balls = [ball(on(side), name=name) for name, side in (("left", 1.0), ("right", -1.0))]
     distances = Distances(ARM, obstacles=balls, pairs=[("flange", "left"), ("flange", "right")], count=1, reach=0.5)
-    state, seen = ARM.state(drifts=False), []
-    for step in (0.0, 0.02, -0.02, 0.02, 0.06, 0.02, -0.02, -0.06):
-        moves[0] = step
-        state.update(0.0, ARM.q0, np.zeros(ARM.nv))
-        distances.read(state)
+    seen = []
+    for moves[0] in (0.0, 0.02, -0.02, 0.02, 0.06, 0.02, -0.02, -0.06):
+        read(distances)
         assert distances.missing >= 1
         seen.append(distances.pairs[distances.which[0]][1])
     assert seen[0] == seen[1] == seen[2] == seen[3]
@@ -173,17 +186,13 @@ def test_what_approaches_fast_is_felt_from_where_it_can_be_stopped():
     start = ARM.state().frame("flange").position + np.array([0.9, 0.0, 0.0])
 
     def thrown(t: float) -> Any:
-        return at(*(start - np.array([3.0 * t, 0.0, 0.0])))
+        return placed(*(start - np.array([3.0 * t, 0.0, 0.0])))
 
     for drifts, first in ((True, 0.03 + 2.0 * 3.0 / 15.0), (False, 0.12)):
-        distances = Distances(
-            ARM, obstacles=[Obstacle("ball", Sphere(0.05), thrown)], pairs=[("flange", "ball")],
-            reach=0.12, margin=0.03, ahead=1.0 / 15.0,
-        )  # fmt: skip
-        state, felt = ARM.state(drifts=drifts), []
+        settings = {"pairs": [("flange", "ball")], "reach": 0.12, "margin": 0.03, "ahead": 1.0 / 15.0}
+        distances, felt = Distances(ARM, obstacles=[ball(thrown)], **settings), []
         for t in np.linspace(0.0, 0.25, 251):
-            state.update(float(t), ARM.q0, np.zeros(ARM.nv))
-            distances.read(state)
+            distances.read(at(ARM, t=float(t), drifts=drifts))
             felt += distances.distance[distances.which >= 0].tolist()
         assert max(felt) == pytest.approx(first, abs=0.01)
 
@@ -201,15 +210,12 @@ def test_a_shape_that_only_turns_comes_nearer_too():
     def spinning(t: float) -> Any:
         return pin.SE3(pin.exp3(np.array([0.0, 0.0, t])), np.array([0.4, 0.55, 0.45]))
 
-    bar = [Obstacle("bar", Box((1.0, 0.02, 0.02)), spinning)]
-    state = ARM.state(drifts=False)
-    remembers = Distances(ARM, obstacles=bar, self_collision=False, count=50, reach=0.1)
-    seen = []
+    bar, seen = Obstacle("bar", Box((1.0, 0.02, 0.02)), spinning), []
+    remembers = beside(bar, count=50, reach=0.1)
     for t in np.linspace(0.0, 3.0, 60):
-        state.update(float(t), ARM.q0, np.zeros(ARM.nv))
-        fresh = Distances(ARM, obstacles=bar, self_collision=False, count=50, reach=0.1)
+        state = at(ARM, t=float(t), drifts=False)
         seen.append(reading(remembers, state))
-        assert seen[-1] == reading(fresh, state)
+        assert seen[-1] == reading(beside(bar, count=50, reach=0.1), state)
     assert not seen[0] and any(seen)
 
 
@@ -231,20 +237,20 @@ def test_two_balls_are_as_far_apart_as_geometry_says(seed: int):
 def test_derivatives_of_self_distances_are_those_of_differences(robot: Any):
     distances, state = Distances(robot, count=40, reach=0.3, margin=0.01), robot.state()
 
-    def read(what: str, moment: Any) -> Vec:
+    def value(what: str, moment: Any) -> Vec:
         state.update(*moment)
         distances.read(state)
         return getattr(distances, what).copy()
 
     checked = 0
     for moment in moments(robot, count=6, seed=1):
-        which = read("which", moment)
-        J, drift, d = (read(what, moment) for what in ("jacobian", "drift", "distance"))
+        which = value("which", moment)
+        J, drift, d = (value(what, moment) for what in ("jacobian", "drift", "distance"))
         apart = (which >= 0) & (d > 5e-3)  # inside one another depths have kinks
         found = np.column_stack(
-            [along(lambda m: read("distance", m), robot, moment, axis) for axis in np.eye(robot.nv)]
+            [along(lambda m: value("distance", m), robot, moment, axis) for axis in np.eye(robot.nv)]
         )
-        speed = along(lambda m, v=moment[2]: read("jacobian", m) @ v, robot, moment, moment[2])
+        speed = along(lambda m, v=moment[2]: value("jacobian", m) @ v, robot, moment, moment[2])
         smooth = apart & (np.abs(found - J).max(axis=1) < 1e-4)  # at a step of 1e-5, all but those beside a kink
         assert smooth.sum() >= 0.9 * apart.sum()
         # Curved shapes have their normals to about 1e-6: differences of them over 2e-5 s to 0.1.
@@ -253,50 +259,30 @@ def test_derivatives_of_self_distances_are_those_of_differences(robot: Any):
     assert checked > 20
 
 
-def test_an_obstacle_that_moves_changes_distances_by_itself():
-    def passing(t: float) -> Any:
-        return at(0.6 - 0.5 * t, 0.1 * t, 0.42)
-
-    distances = Distances(
-        ARM, obstacles=[Obstacle("ball", Sphere(0.05), passing)], self_collision=False, count=1, reach=2.0
-    )
-    state = ARM.state()
-    state.update(0.4, ARM.q0, np.zeros(ARM.nv))
-    d, rate, drift = [], 0.0, 0.0
-    for s in (-1e-3, 0.0, 1e-3):
-        state.update(0.4 + s, ARM.q0, np.zeros(ARM.nv))
-        distances.read(state)
-        d.append(float(distances.distance[0]))
-        if s == 0.0:
-            rate, drift = float(distances.rate[0]), float(distances.drift[0])
-    assert rate == pytest.approx((d[2] - d[0]) / 2e-3, abs=1e-5)
-    assert drift == pytest.approx((d[2] - 2 * d[1] + d[0]) / 1e-6, abs=1e-2)
+def passing(t: float) -> Any:
+    return placed(0.6 - 0.5 * t, 0.1 * t, 0.42)
 
 
-@pytest.mark.parametrize("when", [0.0, 0.1, 0.5])
-def test_the_acceleration_of_an_obstacle_counts_from_rest_on(when: float):
-    distances = Distances(
-        ARM, obstacles=[Obstacle("ball", Sphere(0.05), lambda t: at(0.8 - 2.5 * min(t, 0.2) ** 2, 0.0, 0.42))],
-        self_collision=False, count=1, reach=2.0,
-    )  # fmt: skip
-    state, d = ARM.state(), []
-    for s in (-1e-3, 1e-3, 0.0):
-        state.update(when + s, ARM.q0, np.zeros(ARM.nv))
-        distances.read(state)
-        d.append(float(distances.distance[0]))
-    assert distances.drift[0] == pytest.approx((d[0] - 2 * d[2] + d[1]) / 1e-6, abs=1e-2)
-    assert when > 0.2 or abs(distances.drift[0]) > 4.0
+def thrown_from_rest(t: float) -> Any:
+    return placed(0.8 - 2.5 * min(t, 0.2) ** 2, 0.0, 0.42)
+
+
+@pytest.mark.parametrize(
+    ("way", "when", "least"),
+    [(passing, 0.4, 0.0), (thrown_from_rest, 0.0, 4.0), (thrown_from_rest, 0.1, 4.0), (thrown_from_rest, 0.5, 0.0)],
+)
+def test_an_obstacle_that_moves_changes_distances_as_their_differences_say(way: Any, when: float, least: float):
+    """Its acceleration too, from rest on: d̈ has at least this size."""
+    distances, h = beside(ball(way)), 1e-3
+    before, after, now = (float(read(distances, when + s).distance[0]) for s in (-h, h, 0.0))
+    assert distances.rate[0] == pytest.approx((after - before) / (2.0 * h), abs=1e-5)
+    assert distances.drift[0] == pytest.approx((before - 2.0 * now + after) / h**2, abs=1e-2)
+    assert abs(distances.drift[0]) >= least
 
 
 @pytest.mark.parametrize("t", [0.3, 0.3 - 5e-5, 0.3 + 5e-5])
 def test_an_obstacle_that_jumps_moves_as_before_or_after(t: float):
-    distances = Distances(
-        ARM, obstacles=[Obstacle("ball", Sphere(0.05), lambda t: at(0.9 if t < 0.3 else 0.6 + 0.1 * t, 0.0, 0.42))],
-        self_collision=False, count=1, reach=2.0,
-    )  # fmt: skip
-    state = ARM.state()
-    state.update(t, ARM.q0, np.zeros(ARM.nv))
-    distances.read(state)
+    distances = read(beside(ball(lambda t: placed(0.9 if t < 0.3 else 0.6 + 0.1 * t, 0.0, 0.42))), t)
     assert abs(distances.rate[0]) <= 0.1
     assert abs(distances.drift[0]) < 1.0
 
@@ -304,14 +290,11 @@ def test_an_obstacle_that_jumps_moves_as_before_or_after(t: float):
 @pytest.mark.parametrize("link", ["forearm", "flange"])
 def test_through_contact_the_normal_does_not_turn(link: str):
     """A wall pushed into a link: from outside to inside the distance falls evenly, along one normal."""
-    state = ARM.state(drifts=False)
-    state.update(0.0, ARM.q0, np.zeros(ARM.nv))
-    middle = state.frame(link).position
+    middle = ARM.state().frame(link).position
 
     def against(wall_at: float) -> tuple[float, Vec]:
-        wall = Obstacle("wall", Box((0.2, 2.0, 2.0)), at(wall_at + 0.1, middle[1], middle[2]))
-        distances = Distances(ARM, obstacles=[wall], pairs=[(link, "wall")], count=1, reach=2.0)
-        distances.read(state)
+        wall = Obstacle("wall", Box((0.2, 2.0, 2.0)), placed(wall_at + 0.1, middle[1], middle[2]))
+        distances = read(Distances(ARM, obstacles=[wall], pairs=[(link, "wall")], count=1, reach=2.0))
         return float(distances.distance[0]), distances.jacobian[0].copy()
 
     start, normal = against(middle[0] + 0.5)
@@ -322,15 +305,12 @@ def test_through_contact_the_normal_does_not_turn(link: str):
 
 
 def test_the_most_critical_of_many_are_those_that_will_be_nearest():
-    balls = [Obstacle(f"ball {i}", Sphere(0.05), at(0.7 + 0.05 * i, 0.0, 0.42)) for i in range(4)]
-    slow = Distances(ARM, obstacles=balls, self_collision=False, count=3, reach=0.6)
+    balls = [ball(placed(0.7 + 0.05 * i, 0.0, 0.42), name=f"ball {i}") for i in range(4)]
     soon = Distances(ARM, obstacles=balls, self_collision=False, count=3, reach=0.6, ahead=0.1)
-    state = ARM.state()
-    state.update(0.0, ARM.q0, np.zeros(ARM.nv))
-    assert reading(slow, state) == reading(soon, state)
+    assert reading(beside(*balls, count=3, reach=0.6), at(ARM)) == reading(soon, at(ARM))
     for seed in range(5):
-        state.update(0.0, ARM.q0, np.random.default_rng(seed).normal(size=ARM.nv))
-        everything = Distances(ARM, obstacles=balls, self_collision=False, count=1000, reach=0.6)
+        state = at(ARM, v=np.random.default_rng(seed).normal(size=ARM.nv))
+        everything = beside(*balls, count=1000, reach=0.6)
         everything.read(state)
         known = everything.which >= 0
         later = (everything.distance + 0.1 * (everything.jacobian @ state.v))[known]
@@ -362,16 +342,13 @@ def _shape_pairs(distances: Distances) -> list[tuple[str, str]]:
 
 @pytest.mark.parametrize("kind", ["prismatic", "revolute"])
 def test_a_joint_without_limits_reaches_everything_on_its_way(tmp_path: Path, kind: str):
-    path = tmp_path / "rail.urdf"
-    path.write_text(
-        f'<robot name="rail"><link name="rail"/><link name="cart"><collision><origin xyz="0 0.5 0"/><geometry><sphere '
-        f'radius="0.1"/></geometry></collision></link><joint name="x" type="{kind}"><parent link="rail"/><child '
-        'link="cart"/><axis xyz="0 0 1"/><limit lower="-inf" upper="inf" effort="1" velocity="1"/></joint></robot>'
-    )
+    limit = '<limit lower="-inf" upper="inf" effort="1" velocity="1"/>'
+    cart = link("cart", shape('<sphere radius="0.1"/>', origin("0 0.5 0")))
+    path = saved(tmp_path, link("rail"), cart, joint("x", "rail", "cart", kind, limit, axis="0 0 1"))
     with pytest.warns(UserWarning, match="no inertia moves"):
         robot = load(path)
-    posts = [Obstacle(f"post {z}", Sphere(0.05), at(0.0, 0.5, z)) for z in (1.0, 3.0, 50.0)]
-    circle = [Obstacle(f"angle {a}", Sphere(0.05), at(0.5 * np.sin(a), 0.5 * np.cos(a), 0.0)) for a in (1.0, 3.0)]
+    posts = [ball(placed(0.0, 0.5, z), name=f"post {z}") for z in (1.0, 3.0, 50.0)]
+    circle = [ball(placed(0.5 * np.sin(a), 0.5 * np.cos(a), 0.0), name=f"angle {a}") for a in (1.0, 3.0)]
     distances = Distances(robot, obstacles=posts + circle)
     on_its_way = posts if kind == "prismatic" else circle
     assert {owner for _, owner in distances.pairs} >= {one.name for one in on_its_way}
@@ -385,8 +362,7 @@ def test_links_that_overlap_in_the_reference_are_listed():
 def test_a_ball_close_to_a_link_has_that_links_name():
     placement = ARM.state().frame("flange").placement
     near = Obstacle("cup", Cylinder(0.03, 0.1), pin.SE3(np.eye(3), placement.act(np.array([0.0, 0.0, 0.2]))))
-    distances = Distances(ARM, obstacles=[near], self_collision=False, count=1, reach=0.3)
-    distances.read(ARM.state())
+    distances = read(beside(near, reach=0.3))
     assert distances.pairs[distances.which[0]] == ("flange", "cup")
 
 
@@ -409,17 +385,13 @@ def as_stl(points: Mat, path: Path) -> Mesh:
 
 def test_a_mesh_stands_for_its_convex_hull(tmp_path: Path):
     corners = 0.1 * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (0, 2)], dtype=np.float64)
-    state, pose = ARM.state(drifts=False), at(0.55, 0.0, 0.6)
-    box_pose = pose * at(0.0, 0.0, 0.1)
-    found = []
-    for shape, place in ((as_stl(corners, tmp_path / "box.stl"), pose), (Box((0.2, 0.2, 0.2)), box_pose)):
-        thing = Obstacle("thing", shape, place)
-        distances = Distances(ARM, obstacles=[thing], self_collision=False, count=50, reach=1.0)
-        found.append(sorted(reading(distances, state).values()))
+    mesh = Obstacle("mesh", as_stl(corners, tmp_path / "box.stl"), placed(0.55, 0.0, 0.6))
+    box = Obstacle("box", Box((0.2, 0.2, 0.2)), placed(0.55, 0.0, 0.7))
+    found = [sorted(reading(beside(one, count=50, reach=1.0), ARM.state()).values()) for one in (mesh, box)]
     np.testing.assert_allclose(found[0], found[1], atol=1e-7)
 
 
 def test_a_mesh_without_volume_is_refused_by_its_name(tmp_path: Path):
     flat = as_stl(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]), tmp_path / "flat.stl")
     with pytest.raises(InvalidInput, match=r"flat.stl has no convex hull"):
-        Distances(ARM, obstacles=[Obstacle("thing", flat, at(0.5, 0, 0))])
+        Distances(ARM, obstacles=[Obstacle("thing", flat, placed(0.5, 0, 0))])
