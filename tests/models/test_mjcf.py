@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -78,11 +79,10 @@ def written(folder: Path, files: str | dict[str, str]) -> Path:
     return folder / next(iter(files))
 
 
-def simple(*, body: str = "", joint: str = 'type="hinge"', more: str = "") -> str:
-    return (
-        f'<mujoco><worldbody><body name="link"><joint name="hinge" {joint}/><geom size=".1"/>{body}</body></worldbody>'
-        f"{more}</mujoco>"
-    )
+def simple(*, body: str = "", joint: str = 'type="hinge"', more: str = "", beside: str = "") -> str:
+    """A link on a hinge, with something in it, beside it in the world, and beside the world."""
+    link = f'<body name="link"><joint name="hinge" {joint}/><geom size=".1"/>{body}</body>'
+    return f"<mujoco><worldbody>{beside}{link}</worldbody>{more}</mujoco>"
 
 
 @pytest.fixture(scope="module", params=[FREE, FIXED], ids=["free", "fixed"])
@@ -182,7 +182,17 @@ def test_a_mesh_lies_where_the_file_has_it_whatever_the_compiler_does_to_it(tmp_
     np.testing.assert_allclose(sorted(ours.tolist()), corners(mujoco.MjModel.from_xml_path(str(path))), atol=1e-6)
 
 
-REFUSED = {
+#: A scene includes a robot, which includes what stands beside it; a mesh is looked for from the scene.
+SCENE = {
+    "scene.xml": '<mujoco model="scene"><include file="parts/robot.xml"/><worldbody><light/></worldbody></mujoco>',
+    "parts/robot.xml": '<mujoco><include file="defaults.xml"/><worldbody><body name="link"><joint name="hinge"/>'
+    '<geom size=".1"/><include file="parts/arm.xml"/></body></worldbody></mujoco>',
+    "parts/defaults.xml": '<mujocoinclude><default><joint armature="0.3"/></default></mujocoinclude>',
+    "parts/arm.xml": '<any><body name="arm" pos="1 0 0"><joint name="elbow" axis="0 1 0"/><geom size=".2"/></body>'
+    "</any>",
+}
+
+REFUSED: dict[str, tuple[str | dict[str, str], str]] = {
     "a number that is none": (simple(joint='armature="nan"'), "armature of <joint> 'hinge' is 'nan'"),
     "an end without end": (simple(body='<body pos="0 -inf 0"/>'), "pos of <body> is '0 -inf 0'"),
     "a rotor of less than nothing": (simple(joint='armature="-1"'), "joint 'hinge' has an armature of -1"),
@@ -220,14 +230,22 @@ REFUSED = {
         '<body name="b"><freejoint/><geom size="1"/></body></worldbody></mujoco>',
         "bodies 'a', 'b' stand in the world side by side",
     ),
-}
+    "a part with nothing in it": (SCENE | {"parts/defaults.xml": "<x/>"}, "<include> 'defaults.xml' holds nothing"),
+    "a part that is there already": (
+        SCENE | {"parts/defaults.xml": '<x><include file="arm.xml"/></x>'}, "<include> 'parts/arm.xml' is there twice",
+    ),
+    "a part with a document type": (SCENE | {"parts/arm.xml": "<!DOCTYPE x><x/>"}, "document type"),
+    "a part that is nested": (
+        SCENE | {"parts/arm.xml": "<x>" + "<body>" * 48 + "</body>" * 48 + "</x>"}, "nested more than 50 deep",
+    ),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("text", REFUSED, ids=str)
 def test_what_is_not_supported_is_refused_by_name(tmp_path, text):
     content, message = REFUSED[text]
     path = written(tmp_path, content)
-    with pytest.raises(ModelError, match=r"robot\.xml: ") as refusal:
+    with pytest.raises(ModelError, match=rf"{path.name}: ") as refusal:
         wbc.load(path)
     assert message in str(refusal.value)
 
@@ -245,49 +263,28 @@ def test_a_mesh_or_a_part_that_is_elsewhere_is_refused(tmp_path, file):
         wbc.load(written(tmp_path, {"home/robot.xml": simple(more=file)}))
 
 
-#: A scene includes a robot, which includes what stands beside it; a mesh is looked for from the scene.
-SCENE = {
-    "scene.xml": '<mujoco model="scene"><include file="parts/robot.xml"/><worldbody><light/></worldbody></mujoco>',
-    "parts/robot.xml": '<mujoco><include file="defaults.xml"/><worldbody><body name="link"><joint name="hinge"/>'
-    '<geom size=".1"/><include file="parts/arm.xml"/></body></worldbody></mujoco>',
-    "parts/defaults.xml": '<mujocoinclude><default><joint armature="0.3"/></default></mujocoinclude>',
-    "parts/arm.xml": '<any><body name="arm" pos="1 0 0"><joint name="elbow" axis="0 1 0"/><geom size=".2"/></body>'
-    "</any>",
-}
-
-
-def test_a_robot_in_several_files_is_what_mujoco_makes_of_them(tmp_path):
-    path = written(tmp_path, SCENE)
-    robot = wbc.load(path)
-    assert (robot.joint_names, robot.armature.tolist()) == (("hinge", "elbow"), [0.3, 0.3])
-    compare(robot, mujoco.MjModel.from_xml_path(str(path)), seed=0)
+CUBE = '<body name="cube" pos="1 0 1"><freejoint/><geom size=".1"/></body>'
+ARMS = "".join(
+    f'<body name="{side}" pos="0 {y} 0"><joint name="{side}_hinge"/><geom size="1" pos="3 0 0"/></body>'
+    for side, y in (("left", 0.5), ("right", -0.5))
+)
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("files", "joints", "said"),
     [
-        ({"parts/defaults.xml": "<x/>"}, "<include> 'defaults.xml' holds nothing"),
-        ({"parts/defaults.xml": '<x><include file="arm.xml"/></x>'}, "<include> 'parts/arm.xml' is there twice"),
-        ({"parts/arm.xml": "<!DOCTYPE x><x/>"}, "document type"),
-        ({"parts/arm.xml": "<x>" + "<body>" * 48 + "</body>" * 48 + "</x>"}, "nested more than 50 deep"),
+        (SCENE, {"hinge", "elbow"}, None),
+        (simple(beside=CUBE), {"hinge"}, "body 'cube', which is free and has no joints, is left out"),
+        (f"<mujoco><worldbody>{ARMS}</worldbody></mujoco>", {"left_hinge", "right_hinge"}, None),
     ],
+    ids=["in several files", "beside a thing that lies about", "of two arms bolted to one world"],
 )
-def test_what_cannot_be_included_is_said(tmp_path, change, message):
-    path = written(tmp_path, SCENE | change)
-    with pytest.raises(ModelError) as refusal:
-        wbc.load(path)
-    assert message in str(refusal.value)
-
-
-def test_things_that_lie_about_are_not_the_robot(tmp_path):
-    path = written(
-        tmp_path,
-        '<mujoco><worldbody><body name="cube" pos="1 0 1"><freejoint/><geom size=".1"/></body><body name="link">'
-        '<joint name="hinge" axis="1 0 0"/><geom size=".1" pos="0 0 1"/></body></worldbody></mujoco>',
-    )
-    with pytest.warns(UserWarning, match="body 'cube', which is free and has no joints, is left out"):
+def test_a_robot_is_what_mujoco_makes_of_its_files(tmp_path, files, joints, said):
+    path = written(tmp_path, files)
+    with nullcontext() if said is None else pytest.warns(UserWarning, match=said):
         robot = wbc.load(path)
-    assert (robot.base, robot.joint_names) == ("fixed", ("hinge",))
+    assert (robot.base, set(robot.joint_names)) == ("fixed", joints)
+    assert robot.armature.tolist() == ([0.3, 0.3] if files is SCENE else [0.0] * len(joints))
     compare(robot, mujoco.MjModel.from_xml_path(str(path)), seed=0)
 
 
@@ -396,17 +393,6 @@ def test_another_gravity_is_left_out_and_said(tmp_path, option, said, in_memory)
     assert robot.gravity.tolist() == [0.0, 0.0, -9.81]
     sentences = " ".join(str(one.message) for one in told)
     assert said in sentences and ("gravity" in sentences) == bool(said)
-
-
-def test_arms_bolted_to_one_world_are_one_robot(tmp_path):
-    arms = "".join(
-        f'<body name="{side}" pos="0 {y} 0"><joint name="{side}_hinge"/><geom size="1" pos="3 0 0"/></body>'
-        for side, y in (("left", 0.5), ("right", -0.5))
-    )
-    path = written(tmp_path, f"<mujoco><worldbody>{arms}</worldbody></mujoco>")
-    robot = wbc.load(path)
-    assert (robot.base, set(robot.joint_names)) == ("fixed", {"left_hinge", "right_hinge"})
-    compare(robot, mujoco.MjModel.from_xml_path(str(path)), seed=0)
 
 
 #: Two legs of a box each under a trunk, drawn stretched; a keyframe bends them.
