@@ -206,19 +206,6 @@ def test_by_default_there_is_a_row_for_each_pair_that_is_near_in_the_reference_a
     assert distances.count == min(64 + 2 * near, 1024, len(distances.pairs))
 
 
-def test_a_shape_that_only_turns_comes_nearer_too():
-    def spinning(t: float) -> Any:
-        return pin.SE3(pin.exp3(np.array([0.0, 0.0, t])), np.array([0.4, 0.55, 0.45]))
-
-    bar, seen = Obstacle("bar", Box((1.0, 0.02, 0.02)), spinning), []
-    remembers = beside(bar, count=50, reach=0.1)
-    for t in np.linspace(0.0, 3.0, 60):
-        state = at(ARM, t=float(t), drifts=False)
-        seen.append(reading(remembers, state))
-        assert seen[-1] == reading(beside(bar, count=50, reach=0.1), state)
-    assert not seen[0] and any(seen)
-
-
 @given(SEEDS)
 def test_two_balls_are_as_far_apart_as_geometry_says(seed: int):
     """A foot, one ball, against a ball in the world: d = |p − c| − r − r'."""

@@ -81,9 +81,3 @@ def test_stances_are_the_known_ones():
     assert g1.nj == 29 and g1.q0[7 + g1.joint("left_shoulder_roll_joint")] == 0.25
     assert talos.nj == 32 and talos.mass == pytest.approx(90.272192)
     assert talos.q0[7 + talos.joint("leg_left_4_joint")] == pytest.approx(0.8, abs=0.2)
-
-
-def test_the_feet_of_g1_are_the_balls_of_its_file():
-    foot = load("g1").feet["left_ankle_roll_link"]
-    assert foot.radius == 0.005 and len(foot.balls) == 4
-    assert foot.half_size == pytest.approx((0.085, 0.025)) and foot.origin == pytest.approx((0.035, 0.0, -0.035))
