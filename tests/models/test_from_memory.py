@@ -24,14 +24,10 @@ from wbc.models.pinocchio_ import PinocchioModel
 
 OWN = Path(wbc.__file__).parent / "models" / "robots"
 FILES = [
-    "anymal_c_simple_description/urdf/anymal.urdf",
-    "baxter_description/urdf/baxter.urdf",
-    "g1_description/urdf/g1_29dof_rev_1_0.urdf",
-    "go2_description/urdf/go2.urdf",
-    "talos_data/robots/talos_reduced.urdf",
-    "tiago_description/robots/tiago_no_hand.urdf",
-    "ur_description/urdf/ur5_robot.urdf",
-]
+    "anymal_c_simple_description/urdf/anymal", "baxter_description/urdf/baxter", "g1_description/urdf/g1_29dof_rev_1_0",
+    "go2_description/urdf/go2", "talos_data/robots/talos_reduced", "tiago_description/robots/tiago_no_hand",
+    "ur_description/urdf/ur5_robot",
+]  # fmt: skip
 
 
 def assert_same(robot: PinocchioModel, model: Any, seed: int) -> None:
@@ -57,7 +53,7 @@ def assert_same(robot: PinocchioModel, model: Any, seed: int) -> None:
 @pytest.mark.parametrize("base", ["fixed", "floating"])
 @pytest.mark.parametrize("file", FILES)
 def test_pinocchios_model_of_a_file_is_the_robot(file: str, base: str):
-    path = example_robots() / "robots" / file
+    path = example_robots() / "robots" / f"{file}.urdf"
     root = (pin.JointModelFreeFlyer(),) if base == "floating" else ()
     model = pin.buildModelFromUrdf(str(path), *root)
     robot, from_file = quietly(model, feet=[]), quietly(path, base=base, feet=[])

@@ -224,8 +224,11 @@ def test_a_refusal_names_the_path_and_the_folders(package: Path):
         load(mesh(package, "../meshes/base.stl"))
 
 
-@pytest.mark.parametrize("reference", ["package://my_robot/meshes/base.stl", "../meshes/base.stl", "own.stl"])
+@pytest.mark.parametrize(
+    "reference", ["package://my_robot/meshes/base.stl", "../meshes/base.stl", "own.stl", "file://{}/urdf/own.stl"]
+)
 def test_meshes_inside_the_folders_are_found(package: Path, reference: str):
+    reference = reference.format(package)
     given = load(mesh(package, reference), packages=[package])
     inside = load(mesh(package, reference), packages=[package.parent])
     (package / "package.xml").write_text("<package/>")
@@ -259,11 +262,6 @@ def test_a_package_has_the_name_in_its_package_xml_wherever_it_was_unpacked(pack
     (package / "package.xml").write_text("<package><name> my_arm </name></package>")
     (visual,) = load(mesh(package, "package://my_arm/meshes/base.stl")).visuals
     assert visual.shape.path == package / "meshes/base.stl"
-
-
-def test_a_file_address_inside_the_folder_is_found(package: Path):
-    robot = load(mesh(package, f"file://{package}/urdf/own.stl"))
-    assert robot.visuals[0].shape.path == package / "urdf/own.stl"
 
 
 @pytest.mark.parametrize("reference", ["gone.stl", "package://unknown/base.stl", "package://my_robot/gone.stl"])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import pickle
 from collections.abc import Callable
+from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
@@ -13,21 +14,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.models.builders import inertial, joint, link, origin, saved
+from tests.models.builders import at, inertial, joint, link, origin, saved
 from wbc.models import RobotState, load
 from wbc.models.pinocchio_ import Base
 
 HUMANOID = load("humanoid")
-READS: dict[str, Callable[[RobotState], np.ndarray]] = {
-    "M": lambda s: s.M,
-    "h": lambda s: s.h,
-    "g": lambda s: s.g,
-    "coriolis": lambda s: s.coriolis,
-    "com": lambda s: s.com,
-    "com_jacobian": lambda s: s.com_jacobian,
-    "com_drift": lambda s: s.com_drift,
-    "centroidal_map": lambda s: s.centroidal_map,
-    "centroidal_drift": lambda s: s.centroidal_drift,
+OF_THE_STATE = (
+    "M", "h", "g", "coriolis", "com", "com_jacobian", "com_drift", "centroidal_map", "centroidal_drift",
+)  # fmt: skip
+READS: dict[str, Callable[[RobotState], np.ndarray]] = {name: attrgetter(name) for name in OF_THE_STATE} | {
     "position": lambda s: s.frame("left_hand").position,
     "rotation": lambda s: s.frame("left_sole").rotation,
     "placement": lambda s: s.frame("torso").placement.homogeneous,
@@ -51,9 +46,7 @@ def near(value: np.ndarray, other: np.ndarray) -> bool:
 
 def fresh(read: str, q: np.ndarray, v: np.ndarray) -> np.ndarray:
     """What a state says that was never asked for anything else."""
-    state = HUMANOID.state()
-    state.update(0.0, q, v)
-    return np.array(READS[read](state))
+    return np.array(READS[read](at(HUMANOID, q, v)))
 
 
 @given(
@@ -78,33 +71,28 @@ def test_the_order_of_reading_does_not_show_in_the_bits(data: st.DataObject, rea
     assert all(np.array_equal(READS[read](states[0]), READS[read](states[1])) for read in reads)
 
 
-def test_nothing_is_computed_that_nobody_reads():
-    state = HUMANOID.state()
-    state.update(0.0, *moments(0, 1)[0])
-    assert state.calls == ()
+CENTRES = ("com", "com_jacobian", "com_drift", "centroidal_map")
+MOMENTUM = ["ccrba", "forwardKinematics", "computeCentroidalMomentumTimeVariation", "computeJointJacobians"]
 
 
 @pytest.mark.parametrize(
     ("reads", "calls"),
     [
+        ([], []),
         (["position"], ["computeJointJacobians"]),
         (["position", "rotation", "placement", "jacobian_local", "com", "com_jacobian"], ["jacobianCenterOfMass"]),
         (["jacobian", "com"], ["jacobianCenterOfMass"]),
         (["jacobian", "drift"], ["forwardKinematics", "computeJointJacobians"]),
         (["M", "h", "drift"], ["crba", "nonLinearEffects", "complete"]),
-        (
-            ["M", "h", "drift", "com", "com_jacobian", "com_drift", "centroidal_map"],
-            ["crba", "nonLinearEffects", "complete"],
-        ),
+        (["M", "h", "drift", *CENTRES], ["crba", "nonLinearEffects", "complete"]),
         (["M", "com"], ["crba", "complete"]),
-        (
-            ["drift", "centroidal_map", "centroidal_drift"],
-            ["ccrba", "forwardKinematics", "computeCentroidalMomentumTimeVariation", "computeJointJacobians"],
-        ),
+        (["drift", "centroidal_map", "centroidal_drift"], MOMENTUM),
     ],
 )
 def test_needs_are_learnt_and_met_with_the_fewest_calls(reads: list[str], calls: list[str]):
     state = HUMANOID.state()
+    if not reads:
+        state.update(0.0, *moments(0, 1)[0])
     for read in reads:
         READS[read](state)
     assert [call for call in state.calls if not call.startswith("updateFramePlacement")] == calls
@@ -150,8 +138,7 @@ def test_what_several_calls_share_is_what_pinocchio_says_of_each(
 
 @pytest.mark.parametrize("drifts", [True, False])
 def test_the_halves_of_a_drift_are_the_drift_and_nothing_that_was_not_computed_can_be_written(drifts: bool):
-    state = HUMANOID.state(drifts=drifts)
-    state.update(0.0, *moments(3, 1)[0])
+    state = at(HUMANOID, *moments(3, 1)[0], drifts=drifts)
     hand = state.frame("left_hand")
     halves = np.concatenate([hand.linear_drift(), hand.angular_drift()])
     assert np.array_equal(halves, hand.drift(), equal_nan=True) and np.isnan(halves).all() != drifts
@@ -163,8 +150,7 @@ def test_the_halves_of_a_drift_are_the_drift_and_nothing_that_was_not_computed_c
 
 def test_views_taken_once_stay_right():
     state = HUMANOID.state()
-    kept = ("M", "h", "g", "coriolis", "com", "com_jacobian", "com_drift", "centroidal_map", "centroidal_drift")
-    views = {read: READS[read](state) for read in (*kept, "position", "rotation")}
+    views = {read: READS[read](state) for read in (*OF_THE_STATE, "position", "rotation")}
     hand = state.frame("left_hand")
     q, v = moments(3, 1)[0]
     state.update(0.0, q, v)
@@ -186,20 +172,12 @@ def test_a_copy_is_a_state_of_its_own(duplicate: Callable[[RobotState], RobotSta
     here, there = moments(4, 2)
     state.update(1.5, *here)
     READS["M"](state), READS["drift"](state)
-    other = duplicate(state)
+    other, hand = duplicate(state), duplicate(state.frame("left_hand")) if duplicate is not copy.copy else None
     state.update(2.5, *there)
     assert other.t == 1.5
     assert all(near(READS[read](other), fresh(read, *here)) for read in READS)
     assert all(near(READS[read](state), fresh(read, *there)) for read in READS)
-
-
-def test_a_copied_frame_belongs_to_a_copied_state():
-    state = HUMANOID.state()
-    here, there = moments(5, 2)
-    state.update(0.0, *here)
-    twin = pickle.loads(pickle.dumps(state.frame("left_hand")))
-    state.update(0.0, *there)
-    assert np.array_equal(twin.position, fresh("position", *here))
+    assert hand is None or np.array_equal(hand.position, fresh("position", *here))
 
 
 def test_a_robot_is_a_value():

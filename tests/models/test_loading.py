@@ -233,13 +233,6 @@ def test_a_colour_that_a_shape_names_is_that_of_others_too(tmp_path: Path):
     assert [visual.color for visual in robot.visuals] == [(0, 1, 0, 1), (0, 1, 0, 1), (0, 0, 1, 1), None]
 
 
-def test_origins_turn_about_fixed_axes():
-    rpy = (0.3, -0.8, 2.1)
-    origin = Origin((1, 2, 3), rpy)
-    assert np.allclose(origin.rotation, pin.rpy.rpyToMatrix(*rpy), atol=1e-15)
-    assert np.array_equal(origin.matrix[:3, 3], [1, 2, 3]) and np.array_equal(origin.matrix[3], [0, 0, 0, 1])
-
-
 def test_links_are_frames_and_so_are_joints(tmp_path: Path):
     path = written(tmp_path, hinge("b"), hinge("swing"))
     frames = load(path).frame_names

@@ -229,18 +229,8 @@ def test_asking_few_pairs_says_what_asking_all_says(seed: int, robot: Any):
     """Along walks and jumps, with things that fly at the robot: the same pairs, and the same bits of each."""
     rng = np.random.default_rng(seed)
     drifts = bool(rng.integers(2))
-    few, everything = (
-        Distances(
-            robot,
-            obstacles=things(np.random.default_rng(seed)),
-            count=10_000,
-            reach=0.1,
-            margin=0.02,
-            ahead=0.1,
-            close=0.05,
-        )
-        for _ in range(2)
-    )
+    settings = {"count": 10_000, "reach": 0.1, "margin": 0.02, "ahead": 0.1, "close": 0.05}
+    few, everything = (Distances(robot, obstacles=things(np.random.default_rng(seed)), **settings) for _ in range(2))
     state, q, t, asked = robot.state(drifts=drifts), np.array(robot.q0), 0.0, 0
     v = 0.3 * rng.normal(size=robot.nv)
     for _ in range(40):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.models.builders import at
 from wbc.models import load
 from wbc.models.geometry import Box, Sphere
 
@@ -13,25 +14,14 @@ robots = pytest.mark.parametrize("name", ROBOTS)
 
 
 @robots
-def test_sizes_and_masses_are_those_of_such_robots(name: str):
-    robot = ROBOTS[name]
+def test_size_mass_and_limits_are_those_of_such_robots_and_the_stance_is_well_inside(name: str):
+    robot, limits, q = ROBOTS[name], ROBOTS[name].limits, ROBOTS[name].q0[-ROBOTS[name].nj :]
     low, high, joints = {"arm": (10, 25, 7), "quadruped": (12, 18, 12), "humanoid": (50, 75, 30)}[name]
     assert robot.nj == joints and low < robot.mass < high
     assert robot.nb == (0 if name == "arm" else 6)
-
-
-@robots
-def test_every_joint_has_limits_that_hold(name: str):
-    limits = ROBOTS[name].limits
-    assert (limits.q_min < limits.q_max).all()
-    assert (limits.v_max > 0).all() and (limits.tau_max > 0).all()
     assert np.isfinite([limits.q_min, limits.q_max, limits.v_max, limits.tau_max]).all()
-
-
-@robots
-def test_the_stance_is_well_inside_the_limits(name: str):
-    robot, q = ROBOTS[name], ROBOTS[name].q0[-ROBOTS[name].nj :]
-    assert (q - robot.limits.q_min).min() > 0.1 and (robot.limits.q_max - q).min() > 0.1
+    assert (limits.v_max > 0).all() and (limits.tau_max > 0).all()
+    assert (q - limits.q_min).min() > 0.1 and (limits.q_max - q).min() > 0.1
 
 
 @robots
@@ -95,27 +85,19 @@ def test_left_and_right_are_mirror_images(name: str):
 
 def test_the_frames_that_examples_use_are_there():
     assert "tool" in ROBOTS["arm"].frame_names
-    assert {"left_sole", "right_sole", "left_hand", "right_hand", "torso", "pelvis"} <= set(
-        ROBOTS["humanoid"].frame_names
-    )
-    assert set(ROBOTS["quadruped"].feet) == {
-        "front_left_foot", "front_right_foot", "rear_left_foot", "rear_right_foot",
-    }  # fmt: skip
+    on_humanoid = {"left_sole", "right_sole", "left_hand", "right_hand", "torso", "pelvis"}
+    assert on_humanoid <= set(ROBOTS["humanoid"].frame_names)
+    feet = {f"{end}_{side}_foot" for end in ("front", "rear") for side in ("left", "right")}
+    assert set(ROBOTS["quadruped"].feet) == feet
 
 
 def test_joints_are_positive_as_their_names_say():
     robot = ROBOTS["humanoid"]
     straight = robot.configuration(dict.fromkeys(robot.joint_names, 0.0))
-    state = robot.state()
 
     def moved(frame: str, **joints: float) -> np.ndarray:
-        q = straight.copy()
-        state.update(0.0, q, np.zeros(robot.nv))
-        before = state.frame(frame).position.copy()
-        for joint, angle in joints.items():
-            q[7 + robot.joint(joint)] = angle
-        state.update(0.0, q, np.zeros(robot.nv))
-        return state.frame(frame).position - before
+        bent = robot.configuration(dict.fromkeys(robot.joint_names, 0.0) | joints)
+        return at(robot, bent).frame(frame).position - at(robot, straight).frame(frame).position
 
     assert moved("left_sole", left_hip_pitch=0.5)[0] > 0.1
     assert moved("left_sole", left_knee=0.5)[0] < -0.1

@@ -28,25 +28,20 @@ from wbc.models.soles import Measured, largest_rectangle
 
 OWN = Path(wbc.__file__).parent / "models" / "robots"
 #: Files of robots with legs, and how many of these.
-LEGGED = {
-    "a1_description/urdf/a1.urdf": 4,
-    "alexander_description/urdf/alexander_v1.lowerBodyOnly.urdf": 2,
-    "anymal_b_simple_description/robots/anymal-kinova.urdf": 4,
-    "anymal_b_simple_description/robots/anymal.urdf": 4,
-    "anymal_c_simple_description/urdf/anymal.urdf": 4,
-    "b1_description/urdf/b1.urdf": 4,
-    "bolt_description/robots/bolt.urdf": 2,
-    "g1_description/urdf/g1_29dof_rev_1_0.urdf": 2,
-    "go1_description/urdf/go1.urdf": 4,
-    "go2_description/urdf/go2.urdf": 4,
-    "hyq_description/robots/hyq_no_sensors.urdf": 4,
-    "icub_description/robots/icub_reduced.urdf": 2,
-    "romeo_description/urdf/romeo_small.urdf": 2,
-    "solo_description/robots/solo.urdf": 4,
-    "solo_description/robots/solo12.urdf": 4,
-    "talos_data/robots/talos_full_v2.urdf": 2,
-    "talos_data/robots/talos_reduced.urdf": 2,
-}
+TWO = [
+    "alexander_description/urdf/alexander_v1.lowerBodyOnly.urdf", "bolt_description/robots/bolt.urdf",
+    "g1_description/urdf/g1_29dof_rev_1_0.urdf", "icub_description/robots/icub_reduced.urdf",
+    "romeo_description/urdf/romeo_small.urdf", "talos_data/robots/talos_full_v2.urdf",
+    "talos_data/robots/talos_reduced.urdf",
+]  # fmt: skip
+FOUR = [
+    "a1_description/urdf/a1.urdf", "anymal_b_simple_description/robots/anymal-kinova.urdf",
+    "anymal_b_simple_description/robots/anymal.urdf", "anymal_c_simple_description/urdf/anymal.urdf",
+    "b1_description/urdf/b1.urdf", "go1_description/urdf/go1.urdf", "go2_description/urdf/go2.urdf",
+    "hyq_description/robots/hyq_no_sensors.urdf", "solo_description/robots/solo.urdf",
+    "solo_description/robots/solo12.urdf",
+]  # fmt: skip
+LEGGED = dict.fromkeys(TWO, 2) | dict.fromkeys(FOUR, 4)
 
 
 def example(file: str, **settings: Any) -> PinocchioModel:
