@@ -14,6 +14,7 @@ import numpy as np
 import pinocchio
 
 import wbc
+from tests.robots.builders import GO2_MOTORS, PARTS, Spoiled
 from wbc.robots import SENSORS, Franka, MotorBoard, UnitreeG1, UnitreeGo2
 from wbc.robots.check import Checked, check
 from wbc.robots.device import Device, Order, Reading
@@ -22,8 +23,6 @@ from wbc.robots.unitree import GO_COMMAND, HG_COMMAND, Unitree
 from wbc.sim.engine import PhysicsSettings
 from wbc.sim.mujoco_ import MujocoPlant
 
-LEGS = {"FR": "front_right", "FL": "front_left", "RR": "rear_right", "RL": "rear_left"}
-PARTS = {"hip": "hip_roll", "thigh": "hip_pitch", "calf": "knee"}
 #: Device, robot and the names of its joints' motors, by kind.
 ROBOTS: Mapping[str, tuple[Callable[[], Device], str]] = {
     "go2": (UnitreeGo2, "quadruped"),
@@ -38,9 +37,7 @@ CLEAN = {"franka": 60, "go2": 30, "g1": 10}
 def names_of(kind: str) -> dict[str, str]:
     """The motor of each joint."""
     robot = wbc.load(ROBOTS[kind][1], base="fixed")
-    if kind == "go2":
-        return {f"{LEGS[a]}_{PARTS[b]}": f"{a}_{b}_joint" for a in LEGS for b in PARTS}
-    return dict(zip(robot.joint_names, ROBOTS[kind][0]().motors, strict=True))
+    return GO2_MOTORS if kind == "go2" else dict(zip(robot.joint_names, ROBOTS[kind][0]().motors, strict=True))
 
 
 class Other:
@@ -58,24 +55,6 @@ class Other:
 
     def encode(self, order: Order, reading: Reading) -> Any:
         return self._encode(self._true.encode(order, reading))
-
-
-class Spoiled:
-    """A port whose states are changed on their way."""
-
-    shared = False
-
-    def __init__(self, board: MotorBoard, spoil: Callable[[list[Any]], Any]) -> None:
-        self.board, self.device, self._spoil = board, board.device, spoil
-        self.clock, self.sleep, self.send = board.clock, board.sleep, board.send
-        self._came: list[Any] = []
-
-    def receive(self) -> Any:
-        frame = self.board.receive()
-        if frame is None:
-            return None
-        self._came.append(frame)
-        return self._spoil(self._came)
 
 
 @dataclass(frozen=True)
@@ -107,8 +86,8 @@ def checked(
     make, name = ROBOTS[kind]
     device, robot, rng = make(), wbc.load(name, base="fixed"), np.random.default_rng(seed)
     names = names_of(kind)
-    dt = period(device)
-    plant = MujocoPlant(robot, dt=dt, settings=PhysicsSettings(armature=0.01, joint_friction=0.02, joint_damping=0.05))
+    physics = PhysicsSettings(armature=0.01, joint_friction=0.02, joint_damping=0.05)
+    plant = MujocoPlant(robot, dt=period(device), settings=physics)
     plant.physics.body_mass[:] *= rng.uniform(0.95, 1.05, plant.physics.nbody)
     plant.reset(np.clip(robot.q0 + rng.uniform(-0.1, 0.1, robot.nj), robot.limits.q_min, robot.limits.q_max))
     settings: dict[str, Any] = {

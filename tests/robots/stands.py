@@ -13,11 +13,7 @@ not.
 
 from __future__ import annotations
 
-import signal
-import socket
-import subprocess
 import sys
-import threading
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -26,8 +22,8 @@ from typing import Any
 import numpy as np
 
 import wbc
+from tests.robots.builders import killed_after, served
 from wbc.robots import SENSORS, BaseEstimator, Loop, MotorBoard, Udp, UnitreeG1, UnitreeGo2
-from wbc.robots.port import serve
 from wbc.sim.disturbance import Push
 from wbc.sim.engine import PhysicsSettings
 from wbc.sim.mujoco_ import MujocoPlant
@@ -66,16 +62,8 @@ def board_of(name: str, seed: int, **settings: Any) -> MotorBoard:
     plant = MujocoPlant(robot, contacts=feet(robot), settings=PhysicsSettings(armature=0.01))
     plant.reset(plant.settled(robot.q0))
     pushes = [Push(pushed, force, start, LASTS) for start, force in PUSHES]
-    return MotorBoard(
-        device,
-        plant,
-        delay=DELAY,
-        sensors=SENSORS[SENSOR_SET],
-        disturbances=pushes,
-        seed=seed,
-        mode_machine=5,
-        **settings,
-    )
+    settings |= {"delay": DELAY, "sensors": SENSORS[SENSOR_SET], "disturbances": pushes, "seed": seed}
+    return MotorBoard(device, plant, mode_machine=5, **settings)
 
 
 def loop_of(name: str, port: Any, **settings: Any) -> Loop:
@@ -83,15 +71,16 @@ def loop_of(name: str, port: Any, **settings: Any) -> Loop:
     robot, sensors = wbc.load(name), SENSORS[SENSOR_SET]
     upright = ROBOTS[name][1]
     state = robot.state()
-    stack = wbc.Stack(
-        [
-            CenterOfMass(target=state.com.copy(), kp=100),
-            Orientation(upright, target=np.array(state.frame(upright).rotation), kp=100),
-            Posture(robot.q0, kp=100, weight=1e-3),
-        ],
-        contacts=feet(robot, friction_share=0.8, kp=0.0, kd=20.0),
-        subject_to=[TorqueLimits(), JointPositionLimits(braking=40.0)],
+    tasks = [
+        CenterOfMass(target=state.com.copy(), kp=100),
+        Orientation(upright, target=np.array(state.frame(upright).rotation), kp=100),
+        Posture(robot.q0, kp=100, weight=1e-3),
+    ]
+    contacts, limits = (
+        feet(robot, friction_share=0.8, kp=0.0, kd=20.0),
+        [TorqueLimits(), JointPositionLimits(braking=40.0)],
     )
+    stack = wbc.Stack(tasks, contacts=contacts, subject_to=limits)
     controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), dt=1.0 / RATE)
     base = BaseEstimator(
         robot, noise=sensors.imu, joint=sensors.joint_position, joint_rate=sensors.joint_velocity, tilt=sensors.tilt
@@ -135,25 +124,13 @@ TIMEOUT, AFTER = 0.2, 1.5
 def killed(name: str, seed: int) -> Killed:
     """Start the script, kill it, and see what its guard does; the robot runs in real time, or slower."""
     board = board_of(name, seed, timeout=TIMEOUT, on_timeout="limp")
-    words = [sys.executable, "-W", "ignore", "-m", "tests.robots.stands", name, "drive"]
-    stop = threading.Event()
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as server:
-        server.bind(("127.0.0.1", 0))
-        thread = threading.Thread(target=serve, args=(board, server, stop.is_set), daemon=True)
-        thread.start()
-        words.append(str(server.getsockname()[1]))
-        with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as script:
-            assert script.stdout is not None
-            for _ in range(int(np.random.default_rng(seed).integers(300, 2000))):
-                if not script.stdout.readline():
-                    raise RuntimeError("the script ended by itself")
-            script.send_signal(signal.SIGKILL)
+    ticks = int(np.random.default_rng(seed).integers(300, 2000))
+    with served(board) as port:
+        killed_after(ticks, "-m", "tests.robots.stands", name, "drive", str(port))
         t, before, silent = board.plant.t, board.plant.q[:3].copy(), 0.0
         while board.plant.t < t + AFTER:
             time.sleep(2e-3)
             silent = max(silent, board.plant.t - board._ordered)
-        stop.set()
-        thread.join(10.0)
     return Killed(t, board.plant.fallen, float(np.linalg.norm(board.plant.q[:3] - before)), silent)
 
 

@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import wbc
+from tests.robots.builders import sliding
 from wbc.errors import InvalidInput
 from wbc.robots import JointMap, LeRobot
 
@@ -88,21 +89,6 @@ def test_a_robots_joints_go_to_the_slots_of_their_names():
     assert joint_map.position_to_device(q).tolist() == [6, 5, 4, 3, 2, 1, 0, 0]
     part = JointMap.of(robot, ["elbow", "wrist_roll"], joints=["wrist_roll", "elbow"], sign={"elbow": -1})
     assert part.position_to_device([1.0, 2.0]).tolist() == [-2.0, 1.0]
-
-
-def sliding(folder: Path, reach: float = 2.0) -> Any:
-    """An arm whose gripper slides by ``reach`` [m]."""
-    inertial = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
-    names, kinds = ("base", "lift", "elbow", "gripper"), ("revolute", "revolute", "revolute", "prismatic")
-    text = '<robot name="own"><link name="l0"/>'
-    for k, (name, kind) in enumerate(zip(names, kinds, strict=True)):
-        text += f'<link name="l{k + 1}">{inertial}</link><joint name="{name}" type="{kind}"><parent link="l{k}"/>'
-        most = 1.0 if kind == "revolute" else 0.5 * reach
-        text += f'<child link="l{k + 1}"/><axis xyz="1 0 0"/>'
-        text += f'<limit lower="{-most}" upper="{most}" effort="9" velocity="1"/></joint>'
-    place = folder / "own.urdf"
-    place.write_text(text + "</robot>")
-    return wbc.load(place, base="fixed")
 
 
 @given(given_=st.dictionaries(st.sampled_from(["base", "elbow", "gripper"]), st.sampled_from(["rad", "m"])))

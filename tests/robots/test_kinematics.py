@@ -13,12 +13,14 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
 import wbc
-from tests.robots.test_joint_map import sliding
+from tests.robots.builders import sliding
 from wbc.errors import InvalidInput, UnknownFrame, UnknownJoint
 from wbc.robots import RobotKinematics
 
 URDF = Path(wbc.__file__).parent / "models" / "robots" / "arm.urdf"
 ARM = RobotKinematics(URDF, "tool")
+START = np.array([0.0, 20.0, 0.0, 80.0, 0.0, 45.0, 0.0])
+FAR = np.array([3.0, 0.0, 0.4])
 LOW, HIGH = (np.rad2deg(x) for x in (ARM.robot.limits.q_min, ARM.robot.limits.q_max))
 
 
@@ -68,12 +70,17 @@ def test_a_pose_nearby_is_reached_within_the_limits(seed: int):
     assert np.abs(there - start).max() < 90.0, "it goes to another branch"
 
 
+def on_circle(pose: np.ndarray, angle: float) -> np.ndarray:
+    """A pose moved along a circle of 8 cm, upright and across."""
+    moved = pose.copy()
+    moved[:3, 3] += 0.08 * np.array([0.0, np.sin(angle), np.cos(angle) - 1.0])
+    return moved
+
+
 def test_a_stream_of_poses_has_no_jumps():
-    q = np.array([0.0, 20.0, 0.0, 80.0, 0.0, 45.0, 0.0])
-    pose, steps = ARM.forward_kinematics(q), []
+    q, pose, steps = START, ARM.forward_kinematics(START), []
     for k in range(100):
-        goal = pose.copy()
-        goal[:3, 3] += 0.08 * np.array([0.0, np.sin(0.063 * k), np.cos(0.063 * k) - 1.0])
+        goal = on_circle(pose, 0.063 * k)
         moved = ARM.inverse_kinematics(q, goal)
         steps.append(np.abs(moved - q).max())
         q = moved
@@ -84,16 +91,14 @@ def test_a_stream_of_poses_has_no_jumps():
 def test_what_cannot_be_met_is_weighed_from_every_start():
     """Five joints follow a circle with an orientation that they cannot keep; the oracle is least squares of SciPy."""
     arm = RobotKinematics(URDF, "tool", ARM.joint_names[:5])
-    q = np.array([0.0, 20.0, 0.0, 80.0, 0.0])
-    pose = arm.forward_kinematics(q)
+    q, pose = START[:5], arm.forward_kinematics(START[:5])
 
     def residual(degrees: np.ndarray, goal: np.ndarray) -> np.ndarray:
         there = arm.forward_kinematics(degrees)
         return np.concatenate([there[:3, 3] - goal[:3, 3], 0.1 * pinocchio.log3(goal[:3, :3].T @ there[:3, :3])])
 
     for k in range(20):
-        goal = pose.copy()
-        goal[:3, 3] += 0.08 * np.array([0.0, np.sin(0.1 * k), np.cos(0.1 * k) - 1.0])
+        goal = on_circle(pose, 0.1 * k)
         q = arm.inverse_kinematics(q, goal)
         best = least_squares(residual, q, args=(goal,), x_scale=10.0)
         assert residual(q, goal) @ residual(q, goal) <= 1.001 * residual(best.x, goal) @ residual(best.x, goal) + 1e-12
@@ -101,7 +106,7 @@ def test_what_cannot_be_met_is_weighed_from_every_start():
 
 
 def test_weights_leave_out_what_is_0_and_a_gripper_comes_back():
-    start = np.array([0.0, 20.0, 0.0, 80.0, 0.0, 45.0, 0.0, 33.0])
+    start = np.array([*START, 33.0])
     goal = ARM.forward_kinematics(start)
     goal[:3, :3] = goal[:3, :3] @ pinocchio.exp3(np.array([0.0, 0.5, 0.0]))
     place = ARM.inverse_kinematics(start, goal, orientation_weight=0.0)
@@ -114,12 +119,10 @@ def test_weights_leave_out_what_is_0_and_a_gripper_comes_back():
 
 
 def test_out_of_reach_ends_near_and_says_so():
-    start = np.array([0.0, 20.0, 0.0, 80.0, 0.0, 45.0, 0.0])
-    goal = ARM.forward_kinematics(start)
-    goal[:3, 3] = [3.0, 0.0, 0.4]
-    there = ARM.forward_kinematics(ARM.inverse_kinematics(start, goal))
+    begin = ARM.forward_kinematics(START)
+    there = ARM.forward_kinematics(ARM.inverse_kinematics(START, pinocchio.SE3(begin[:3, :3], FAR).homogeneous))
     assert not ARM.found.ok and "Position" in ARM.found.reason
-    assert there[0, 3] > ARM.forward_kinematics(start)[0, 3] + 0.1, "it goes nearer"
+    assert there[0, 3] > begin[0, 3] + 0.1, "it goes nearer"
 
 
 def test_joints_in_another_order_and_joints_that_are_not_named():

@@ -15,21 +15,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import wbc
+from tests.robots.builders import GAINS, Spoiled, board_of, go2
 from tests.robots.test_devices import order_for
-from tests.robots.test_loop_processes import device as go2
 from wbc.errors import InvalidInput
 from wbc.robots import BaseEstimator, LeRobot, Loop, MotorBoard, Ros2Control
 from wbc.robots.check import _Check
 from wbc.robots.device import Order, rotation
 from wbc.robots.port import DeviceSilent
-from wbc.sim.engine import PhysicsSettings
-from wbc.sim.mujoco_ import MujocoPlant
 from wbc.tasks import JointVelocityLimits, Posture, feet
 
 pytest.importorskip("mujoco")
 pytestmark = pytest.mark.physics
 ARM = wbc.load("arm")
-GAINS = [np.array([200.0, 200, 150, 150, 60, 60, 20]), np.array([10.0, 10, 8, 8, 2, 2, 0.5])]
 
 
 @given(seed=st.integers(0, 2**32 - 1), share=st.floats(0, 1))
@@ -43,37 +40,29 @@ def test_a_mixed_order_gives_the_mixed_torques(seed: int, share: float):
     np.testing.assert_allclose(free.q, (1.0 - share) * one.q + share * other.q)
 
 
-def arm_plant() -> MujocoPlant:
-    """Motors have rotors: without, the light joints at the wrist chatter. The controller does not know of them."""
-    return MujocoPlant(ARM, dt=1e-3, settings=PhysicsSettings(armature=0.01))
-
-
-class Spoiled:
-    """A port whose states are changed on their way, by ``spoil(k, frame)``."""
-
-    shared = False
-
-    def __init__(self, board: MotorBoard, spoil: Any) -> None:
-        self.board, self.device, self.spoil, self.k = board, board.device, spoil, 0
-        self.clock, self.sleep = board.clock, board.sleep
-        self.sent: list[Any] = []
-
-    def receive(self) -> Any:
-        frame = self.board.receive()
-        self.k += frame is not None
-        return None if frame is None else self.spoil(self.k, frame)
-
-    def send(self, frame: Any) -> None:
-        self.sent.append(frame)
-        self.board.send(frame)
-
-
 def torque_loop(spoil: Any = lambda k, frame: frame, *, far: float = 0.1, **settings: Any) -> tuple[Loop, Spoiled]:
-    plant = arm_plant()
-    port = Spoiled(MotorBoard(Ros2Control(ARM.joint_names, rate=500.0), plant), spoil)
-    target = ARM.q0 + far
-    controller = wbc.Controller(ARM, wbc.Stack([Posture(target, kp=100)]), level=wbc.InverseDynamics(), dt=2e-3)
-    return Loop(port, controller, rate=500, hold=tuple(GAINS), ramp=0.5, **settings), port
+    """Of the arm, and its port; ``spoil(k, frame)`` changes the k-th state on its way."""
+    board = board_of(Ros2Control(ARM.joint_names, rate=500.0), ARM)
+    port = Spoiled(board, lambda came: spoil(len(came), came[-1]))
+    controller = wbc.Controller(ARM, wbc.Stack([Posture(ARM.q0 + far, kp=100)]), level=wbc.InverseDynamics(), dt=2e-3)
+    return Loop(port, controller, rate=500, hold=GAINS, ramp=0.5, **settings), port
+
+
+def standing_loop(ramp: float, *, q: Any = None, t: float = 0.0, imu: Any = None) -> tuple[Loop, MotorBoard]:
+    """Of a quadruped on its feet whose base is estimated, and its board."""
+    robot = wbc.load("quadruped")
+    q = robot.q0 if q is None else q
+    device, joint_map = go2(robot)
+    settings = {} if imu is None else {"imu": imu}
+    board = board_of(
+        device, robot, contacts=feet(robot), joint_map=joint_map, timeout=10.0, on_timeout="hold", **settings
+    )
+    board.plant.reset(q, t=t)
+    base = BaseEstimator(robot, tilt=1e-4)
+    base.mount[:] = np.eye(3) if imu is None else imu
+    stack = wbc.Stack([Posture(q, kp=100)], contacts=feet(robot, kp=0.0, kd=20.0))
+    controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), dt=2e-3)
+    return Loop(board, controller, joint_map=joint_map, base=base, ramp=ramp), board
 
 
 def test_a_run_reaches_its_target_without_a_jump_and_ends_in_hold():
@@ -120,9 +109,7 @@ def test_what_arrives_is_watched():
     run = torque_loop(spoil)[0].run(1.0)
     counts = run.meta["loop"]
     assert run.meta["ended"] == "complete"
-    assert {name: counts[name] for name in ("repeated", "out_of_order", "bad")} == dict.fromkeys(
-        ("repeated", "out_of_order", "bad"), 1
-    )
+    assert [counts[name] for name in ("repeated", "out_of_order", "bad")] == [1, 1, 1]
     assert counts["lost"] == 4  # one is missing, three were not used
     assert run["device.age"].max() == pytest.approx(2e-3, abs=1e-6)
 
@@ -143,16 +130,9 @@ def test_one_wild_stamp_is_one_bad_state(wild: float):
 
 def test_a_run_goes_on_where_the_counter_of_a_robot_wraps():
     """After 2³² ms, 49.7 days; the estimate of the base and the record see a time that goes on."""
-    robot = wbc.load("quadruped")
-    plant = MujocoPlant(robot, contacts=feet(robot), settings=PhysicsSettings(armature=0.01))
-    plant.reset(robot.q0, t=2**32 / 1000 - 0.2)
-    device, joint_map = go2(robot)
-    board = MotorBoard(device, plant, joint_map=joint_map, timeout=10.0, on_timeout="hold")
-    base = BaseEstimator(robot, tilt=1e-4)
-    stack = wbc.Stack([Posture(robot.q0, kp=100)], contacts=feet(robot, kp=0.0, kd=20.0))
-    controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), dt=2e-3)
-    run = Loop(board, controller, joint_map=joint_map, base=base, ramp=0.1).run(0.4)
-    assert run.meta["ended"] == "complete" and not base.why
+    loop, board = standing_loop(0.1, t=2**32 / 1000 - 0.2)
+    run, device = loop.run(0.4), board.device
+    assert run.meta["ended"] == "complete" and not loop.base.why
     assert {run.meta["loop"][name] for name in ("bad", "repeated", "out_of_order", "lost")} == {0}
     np.testing.assert_allclose(np.diff(run["device.time"])[2:], 2e-3, atol=1e-6)
     assert device.unpack(device.report(board._last)).time < 0.3, "it has wrapped"
@@ -160,10 +140,9 @@ def test_a_run_goes_on_where_the_counter_of_a_robot_wraps():
 
 def test_a_check_takes_no_wrap_for_states_out_of_order():
     robot = wbc.load("quadruped", base="fixed")
-    plant = MujocoPlant(robot, dt=2e-3, settings=PhysicsSettings(armature=0.01))
-    plant.reset(robot.q0, t=2**32 / 1000 - 0.2)
     device, joint_map = go2(robot)
-    board = MotorBoard(device, plant, joint_map=joint_map)
+    board = board_of(device, robot, dt=2e-3, joint_map=joint_map)
+    board.plant.reset(robot.q0, t=2**32 / 1000 - 0.2)
     checker = _Check(board, robot, device=device, joint_map=joint_map, hands=None, progress=lambda done: None)
     assert checker.listen(), checker.result
 
@@ -219,9 +198,8 @@ def test_an_interrupt_and_an_error_end_in_hold_and_are_recorded(raised: type[Bas
 
 def braked(loop: Loop, port: Spoiled) -> None:
     """The hold brakes with its damping, as strong as another one before it; nothing else changes at once."""
-    assert (
-        np.abs(port.sent[-1] - port.sent[-2]) <= 2.0 * GAINS[1] * np.abs(np.nan_to_num(loop.reading.dq)) + 1.0
-    ).all()
+    most = 2.0 * GAINS[1] * np.abs(np.nan_to_num(loop.reading.dq)) + 1.0
+    assert (np.abs(port.sent[-1] - port.sent[-2]) <= most).all()
 
 
 @pytest.mark.parametrize("at_end", ["hold", "release"])
@@ -317,38 +295,24 @@ def test_a_guard_hears_all_the_time_what_would_hold_the_robot(at_end: str, monke
 @pytest.mark.parametrize("turned", [(0.0, 0.0, 1.57), (3.1, 0.0, 0.0), (0.3, -0.5, 2.0)])
 @pytest.mark.parametrize("heading", [0.0, 2.97])
 def test_a_base_begins_as_its_imu_says_however_that_is_mounted(turned: tuple[float, ...], heading: float):
-    robot, mount = wbc.load("quadruped"), pinocchio.exp3(np.array(turned))
-    plant = MujocoPlant(robot, contacts=feet(robot), settings=PhysicsSettings(armature=0.01))
-    q = robot.q0.copy()
+    robot, q = wbc.load("quadruped"), wbc.load("quadruped").q0.copy()
     q[3:7] = pinocchio.Quaternion(pinocchio.exp3(np.array([0.0, 0.0, heading]))).coeffs()
-    plant.reset(robot.on_ground(q))
-    device, joint_map = go2(robot)
-    board = MotorBoard(device, plant, joint_map=joint_map, imu=mount, timeout=10.0, on_timeout="hold")
-    base = BaseEstimator(robot, tilt=1e-4)
-    base.mount[:] = mount
-    controller = wbc.Controller(
-        robot,
-        wbc.Stack([Posture(q, kp=100)], contacts=feet(robot, kp=0.0, kd=20.0)),
-        level=wbc.InverseDynamics(),
-        dt=2e-3,
-    )
-    run = Loop(board, controller, joint_map=joint_map, base=base, ramp=0.2).run(0.4)
-    told, true = (rotation(one[3:7]) for one in (run["q"][-1], plant.q))
-    assert np.linalg.norm(pinocchio.log3(told.T @ true)) < 0.01 and not base.why
+    loop, board = standing_loop(0.2, q=robot.on_ground(q), imu=pinocchio.exp3(np.array(turned)))
+    run = loop.run(0.4)
+    told, true = (rotation(one[3:7]) for one in (run["q"][-1], board.plant.q))
+    assert np.linalg.norm(pinocchio.log3(told.T @ true)) < 0.01 and not loop.base.why
 
 
 def test_an_imu_that_says_no_orientation_begins_no_run():
     robot = wbc.load("quadruped")
-    plant = MujocoPlant(robot, contacts=feet(robot))
     device, joint_map = go2(robot)
-    board = MotorBoard(device, plant, joint_map=joint_map)
 
-    def spoil(k: int, frame: bytes) -> bytes:
-        state = np.frombuffer(frame, device.state).copy()
+    def spoil(came: list[bytes]) -> bytes:
+        state = np.frombuffer(came[-1], device.state).copy()
         state["imu_state"]["quaternion"] = 0.0
         return bytes(device._sealed(state))
 
-    port = Spoiled(board, spoil)
+    port = Spoiled(board_of(device, robot, contacts=feet(robot), joint_map=joint_map), spoil)
     controller = wbc.Controller(robot, wbc.Stack([Posture(robot.q0)]), level=wbc.VelocityLevel(), dt=2e-3)
     with pytest.raises(InvalidInput, match="says no orientation"):
         Loop(port, controller, joint_map=joint_map, base=BaseEstimator(robot)).run(0.1)
@@ -356,9 +320,7 @@ def test_an_imu_that_says_no_orientation_begins_no_run():
 
 
 def test_a_setpoint_drives_positions_in_degrees():
-    device = LeRobot(ARM.joint_names)
-    plant = arm_plant()
-    board = MotorBoard(device, plant)
+    board = board_of(LeRobot(ARM.joint_names), ARM)
     stack = wbc.Stack([Posture(ARM.q0 + 0.2, kp=4)], subject_to=[JointVelocityLimits()])
     controller = wbc.Controller(ARM, stack, level=wbc.VelocityLevel(), dt=0.02)
     run = Loop(board, wbc.Setpoint(controller, max_drift=0.5), rate=50).run(4.0)

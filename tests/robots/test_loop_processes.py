@@ -10,73 +10,40 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 import wbc
 from tasks import Posture
-from wbc.robots import JointMap, Loop, MotorBoard, Udp, UnitreeGo2
+from tests.robots.builders import board_of, go2, killed_after, served
+from wbc.robots import Loop, MotorBoard, Udp, UnitreeGo2
 from wbc.robots.device import Order, Reading
 from wbc.robots.guard import Guard
-from wbc.robots.port import serve
 
-ROOT = Path(__file__).parents[2]
 SCRIPT = """
 import sys, wbc
-from tests.robots.test_loop_processes import device
+from tests.robots.builders import go2
 from wbc.robots import Loop, Udp
 from wbc.tasks import Posture
 robot = wbc.load("quadruped", base="fixed")
-go2, joint_map = device(robot)
+device, joint_map = go2(robot)
 controller = wbc.Controller(robot, wbc.Stack([Posture(robot.q0, kp=100)]), level=wbc.InverseDynamics(), dt=2e-3)
-port = Udp(go2, ("127.0.0.1", int(sys.argv[1])))
+port = Udp(device, ("127.0.0.1", int(sys.argv[1])))
 loop = Loop(port, controller, joint_map=joint_map, guard=sys.argv[2] == "guard", hold_for=2.0, patience=5.0, ramp=0.1)
 loop.run(before_tick=lambda t: print("tick", flush=True))
 """
-
-
-def device(robot: Any) -> tuple[UnitreeGo2, JointMap]:
-    """A Go2 whose motors drive our own quadruped."""
-    legs = {"FR": "front_right", "FL": "front_left", "RR": "rear_right", "RL": "rear_left"}
-    parts = {"hip": "hip_roll", "thigh": "hip_pitch", "calf": "knee"}
-    names = {f"{legs[a]}_{parts[b]}": f"{a}_{b}_joint" for a in legs for b in parts}
-    go2 = UnitreeGo2()
-    return go2, go2.joint_map(robot, names=names)
 
 
 @pytest.fixture
 def robot() -> Iterator[tuple[MotorBoard, int]]:
     """A board behind a socket, and its port; it goes limp where orders stop for 0.2 s."""
     pytest.importorskip("mujoco")
-    from wbc.sim.engine import PhysicsSettings
-    from wbc.sim.mujoco_ import MujocoPlant
-
     model = wbc.load("quadruped", base="fixed")
-    go2, joint_map = device(model)
-    plant = MujocoPlant(model, dt=2e-3, settings=PhysicsSettings(armature=0.01))
-    board = MotorBoard(go2, plant, joint_map=joint_map, timeout=0.2, on_timeout="limp")
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as server:
-        server.bind(("127.0.0.1", 0))
-        stop = threading.Event()
-        thread = threading.Thread(target=serve, args=(board, server, stop.is_set), daemon=True)
-        thread.start()
-        yield board, server.getsockname()[1]
-        stop.set()
-        thread.join(10.0)
-
-
-def killed(port: int, guard: str) -> None:
-    """Start a script that controls the robot, and kill it when it does."""
-    words = [sys.executable, "-c", SCRIPT, str(port), guard]
-    environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    with subprocess.Popen(words, stdout=subprocess.PIPE, env=environment, cwd=ROOT, text=True) as script:
-        assert script.stdout is not None
-        for _ in range(200):
-            assert script.stdout.readline() == "tick\n"
-        script.send_signal(signal.SIGKILL)
+    device, joint_map = go2(model)
+    board = board_of(device, model, dt=2e-3, joint_map=joint_map, timeout=0.2, on_timeout="limp")
+    with served(board) as port:
+        yield board, port
 
 
 def waited(board: MotorBoard, seconds: float) -> None:
@@ -90,7 +57,7 @@ def waited(board: MotorBoard, seconds: float) -> None:
 @pytest.mark.physics
 def test_a_killed_script_ends_in_hold(robot: tuple[MotorBoard, int]):
     board, port = robot
-    killed(port, "guard")
+    killed_after(200, "-c", SCRIPT, str(port), "guard")
     before, ordered = board.plant.q, board._ordered
     waited(board, 0.6)
     assert board._ordered > ordered + 0.3, "the guard goes on sending"
@@ -110,10 +77,9 @@ def _may_be_real_time() -> bool:
 
 @pytest.mark.slow
 def test_a_guard_that_is_stopped_stops_no_loop():
-    go2 = UnitreeGo2()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as server:
         server.bind(("127.0.0.1", 0))
-        port = Udp(go2, server.getsockname())
+        port = Udp(UnitreeGo2(), server.getsockname())
         guard = Guard(port, silence=0.05, hold_for=1.0)
         if hasattr(os, "SCHED_FIFO") and os.geteuid() == 0 and _may_be_real_time():
             assert os.sched_getscheduler(guard.process.pid) == os.SCHED_FIFO
@@ -131,10 +97,10 @@ def test_a_guard_that_is_stopped_stops_no_loop():
 @pytest.mark.physics
 def test_a_guard_that_dies_ends_no_run_and_the_next_run_has_another(robot: tuple[MotorBoard, int]):
     board, number = robot
-    go2, joint_map = device(board.plant.model)
+    device, joint_map = go2(board.plant.model)
     stack = wbc.Stack([Posture(board.plant.model.q0, kp=100)])
     controller = wbc.Controller(board.plant.model, stack, level=wbc.InverseDynamics(), dt=2e-3)
-    port = Udp(go2, ("127.0.0.1", number))
+    port = Udp(device, ("127.0.0.1", number))
     loop = Loop(port, controller, joint_map=joint_map, patience=5.0)
     whole = loop.run(0.1)
 
@@ -160,7 +126,7 @@ def _tell(guard: Guard, times: int) -> None:
 @pytest.mark.physics
 def test_without_a_guard_a_killed_script_lets_the_robot_fall(robot: tuple[MotorBoard, int]):
     board, port = robot
-    killed(port, "alone")
+    killed_after(200, "-c", SCRIPT, str(port), "alone")
     before = board.plant.q
     waited(board, 1.0)
     assert np.abs(board.plant.q - before).max() > 0.2

@@ -9,12 +9,11 @@ import pinocchio
 import pytest
 
 import wbc
+from tests.robots.builders import board_of, go2
 from wbc.errors import InvalidInput
 from wbc.robots import Franka, LeRobot, MotorBoard, Ros2Control, Sensors
 from wbc.robots.device import Device, Order, Reading
-from wbc.robots.unitree import UnitreeGo2
 from wbc.sim.actuator_fault import ActuatorFault
-from wbc.sim.engine import PhysicsSettings
 from wbc.sim.mujoco_ import MujocoPlant
 from wbc.sim.plant import ForwardDynamicsPlant
 
@@ -23,10 +22,8 @@ pytestmark = pytest.mark.physics
 ARM = wbc.load("arm")
 
 
-def board_for(device: Device | None = None, **settings: Any) -> MotorBoard:
-    # Motors have rotors; without, the light joints at the wrist chatter in their own damping.
-    plant = MujocoPlant(ARM, dt=1e-3, settings=PhysicsSettings(armature=0.01))
-    return MotorBoard(device or Ros2Control(ARM.joint_names, rate=500.0), plant, **settings)
+def board_for(device: Device | None = None, **settings: Any) -> Any:
+    return board_of(device or Ros2Control(ARM.joint_names, rate=500.0), ARM, **settings)
 
 
 def readings(board: MotorBoard, seconds: float) -> list[Reading]:
@@ -39,15 +36,13 @@ def readings(board: MotorBoard, seconds: float) -> list[Reading]:
 
 
 def test_states_come_at_the_rate_of_the_device_and_late():
-    board = board_for(state_delay=5e-3)
-    came = []
-    for k in range(100):
-        board.sleep(1e-3)
-        if (frame := board.receive()) is not None:
-            came.append((1e-3 * (k + 1), board.device.unpack(frame).time))
-    late = np.array([arrived - said for arrived, said in came])
-    np.testing.assert_allclose(late, 5e-3, atol=1e-9)
-    np.testing.assert_allclose(np.diff([said for _, said in came]), 2e-3, atol=1e-9)
+    board, arrived, said = board_for(state_delay=5e-3), [], []
+    for k in range(1, 101):
+        for reading in readings(board, 1e-3):
+            arrived.append(1e-3 * k)
+            said.append(reading.time)
+    np.testing.assert_allclose(np.subtract(arrived, said), 5e-3, atol=1e-9)
+    np.testing.assert_allclose(np.diff(said), 2e-3, atol=1e-9)
 
 
 def test_orders_act_late_and_a_plant_gets_their_torques():
@@ -152,13 +147,9 @@ def test_noise_is_that_of_its_seed_and_of_the_size_asked_for():
 
 
 def test_an_imu_sees_how_its_robot_stands_and_is_turned():
-    device = UnitreeGo2()
-    legs = {"FR": "front_right", "FL": "front_left", "RR": "rear_right", "RL": "rear_left"}
-    parts = {"hip": "hip_roll", "thigh": "hip_pitch", "calf": "knee"}
-    names = {f"{legs[a]}_{parts[b]}": f"{a}_{b}_joint" for a in legs for b in parts}
-    mounted = pinocchio.exp3(np.array([0.0, 0.0, np.pi / 2]))
-    robot = wbc.load("quadruped", base="fixed")
-    board = MotorBoard(device, MujocoPlant(robot), joint_map=device.joint_map(robot, names=names), imu=mounted)
+    robot, mounted = wbc.load("quadruped", base="fixed"), pinocchio.exp3(np.array([0.0, 0.0, np.pi / 2]))
+    device, joint_map = go2(robot)
+    board = MotorBoard(device, MujocoPlant(robot), joint_map=joint_map, imu=mounted)
     attitude = pinocchio.exp3(np.array([0.3, 0.0, 0.0]))
     board.tilt(attitude)
     reading = readings(board, 0.1)[-1]
@@ -178,9 +169,8 @@ def test_time_goes_on_and_never_back(seconds: float):
 
 
 def test_a_robot_is_held_at_an_attitude_by_physics_alone():
-    robot = wbc.load("arm")
-    group = Ros2Control(robot.joint_names)
+    group = Ros2Control(ARM.joint_names)
     with pytest.raises(InvalidInput, match="ForwardDynamicsPlant has a gravity that cannot be turned"):
-        MotorBoard(group, ForwardDynamicsPlant(robot)).tilt(np.eye(3))
+        MotorBoard(group, ForwardDynamicsPlant(ARM)).tilt(np.eye(3))
     with pytest.raises(InvalidInput, match="attitude"):
-        MotorBoard(group, MujocoPlant(robot)).tilt(2.0 * np.eye(3))
+        MotorBoard(group, MujocoPlant(ARM)).tilt(2.0 * np.eye(3))

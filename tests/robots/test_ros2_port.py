@@ -6,17 +6,16 @@ Needs ``rclpy``, from ROS or the extra ``ros2``; without it these tests are skip
 from __future__ import annotations
 
 import os
-import signal
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import wbc
+from tests.robots.builders import GAINS, ROOT, killed_after
 from wbc.robots import Loop, Ros2Control, Ros2Port
 from wbc.tasks import Posture
 
@@ -27,7 +26,6 @@ pytestmark = [
     pytest.mark.slow,
     pytest.mark.filterwarnings("ignore::DeprecationWarning"),  # of what rclpy imports
 ]
-ROOT = Path(__file__).parents[2]
 ARM = wbc.load("arm")
 #: What a hardware of ros2_control does: states on one topic, its joints in an order of their own, efforts from another.
 ROBOT = """
@@ -74,8 +72,7 @@ def loop(**other: float) -> Loop:
     device = Ros2Control(ARM.joint_names, rate=500.0)
     controller = wbc.Controller(ARM, wbc.Stack([Posture(ARM.q0 + 0.1, kp=60)]), level=wbc.InverseDynamics(), dt=2e-3)
     port = Ros2Port(device, commands="effort_controller/commands")
-    gains = [np.array([200.0, 200, 150, 150, 60, 60, 20]), np.array([10.0, 10, 8, 8, 2, 2, 0.5])]
-    return Loop(port, controller, hold=tuple(gains), ramp=0.3, patience=2.0, **other)
+    return Loop(port, controller, hold=GAINS, ramp=0.3, patience=2.0, **other)
 
 
 @pytest.fixture(autouse=True)
@@ -113,13 +110,7 @@ def test_a_run_over_topics_reaches_its_target_and_is_held():
 
 
 def test_a_killed_script_is_held_by_its_guard():
-    environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    words = [sys.executable, "-c", SCRIPT]
-    with subprocess.Popen(words, stdout=subprocess.PIPE, env=environment, cwd=ROOT, text=True) as script:
-        assert script.stdout is not None
-        for _ in range(200):
-            assert script.stdout.readline() == "tick\n"
-        script.send_signal(signal.SIGKILL)
+    killed_after(200, "-c", SCRIPT)
     port = Ros2Port(Ros2Control(ARM.joint_names, rate=500.0))
     rows = heard(port, 1.5)  # it would go limp after 0.3 s
     port.close()
