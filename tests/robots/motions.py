@@ -6,7 +6,7 @@ Newton's method on the positions of the feet.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 import wbc
 from tests.seeds import generator
+from wbc.models import RobotModel
 from wbc.models.feet import Foot
 from wbc.robots import BaseEstimator, ImuNoise
 from wbc.types import Mat, Vec
@@ -30,9 +31,9 @@ WEIGHT = 9.81 * ROBOT.mass
 QUIET = ImuNoise(1e-5, 1e-5, 0.0, 0.0, 0.0, 0.0)
 
 
-def estimator(**settings: Any) -> BaseEstimator:
+def estimator(robot: RobotModel = ROBOT, feet: Sequence[Foot] = POINTS, **settings: Any) -> BaseEstimator:
     """One that trusts the sensors, from the first sample on."""
-    return BaseEstimator(ROBOT, POINTS, **{"noise": QUIET, "settle": 0.0, **settings})
+    return BaseEstimator(robot, feet, **{"noise": QUIET, "settle": 0.0, **settings})
 
 
 def sums(phi: Vec) -> tuple[Mat, Mat, Mat]:
@@ -173,3 +174,17 @@ def errors(q: Vec, v: Vec, true_q: Vec, true_v: Vec) -> Vec:
     R, S = Rotation.from_quat(q[3:7]), Rotation.from_quat(true_q[3:7])
     velocity = R.apply(v[:3]) - S.apply(true_v[:3])
     return np.concatenate([q[:3] - true_q[:3], (R * S.inv()).as_rotvec(), velocity])
+
+
+def estimates(one: BaseEstimator, motion: Motion, start: Motion | None = None) -> Iterator[tuple[int, Vec, Vec]]:
+    """Number, q and v of every sample, as they are estimated; it begins where ``start`` does."""
+    begin = motion if start is None else start
+    one.reset(begin.q[0], begin.v[0])
+    for k in range(len(motion.t)):
+        yield k, *one.update(**motion.sample(k))
+
+
+def missed(one: BaseEstimator, motion: Motion, truth: Motion | None = None) -> Mat:
+    """Errors (N, 9) of the base; it begins in the truth."""
+    true = motion if truth is None else truth
+    return np.array([errors(q, v, true.q[k], true.v[k]) for k, q, v in estimates(one, motion, true)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 import wbc
+from tests.models.builders import joint, link, origin
 from tests.robots.motions import (
     GRAVITY,
     NAMES,
@@ -22,15 +24,19 @@ from tests.robots.motions import (
     WEIGHT,
     Motion,
     errors,
+    estimates,
     estimator,
     inverse,
+    missed,
     moved_by,
     standing,
+    stands,
     stepping,
     sums,
     turned,
-)  # fmt: skip
+)
 from tests.seeds import generator
+from wbc.models.catalogue import OWN_ROBOTS
 from wbc.robots import SENSORS, BaseEstimator, ImuNoise
 from wbc.types import Mat, Vec
 
@@ -42,21 +48,13 @@ JOINT = 1e-3
 
 def followed(one: BaseEstimator, motion: Motion, start: Motion | None = None) -> tuple[Mat, Mat]:
     """(q, v) of every sample; it begins where ``start`` does."""
-    begin = motion if start is None else start
-    one.reset(begin.q[0], begin.v[0])
-    found = [one.update(**motion.sample(k)) for k in range(len(motion.t))]
-    return np.array([q for q, _ in found]), np.array([v for _, v in found])
-
-
-def missed(one: BaseEstimator, motion: Motion, truth: Motion) -> Mat:
-    """Errors (N, 9) of the base."""
-    q, v = followed(one, motion, truth)
-    return np.array([errors(*row) for row in zip(q, v, truth.q, truth.v, strict=True)])
+    rows = [(q, v) for _, q, v in estimates(one, motion, start)]
+    return np.array([q for q, _ in rows]), np.array([v for _, v in rows])
 
 
 @pytest.mark.parametrize("motion", [standing(), stepping()], ids=["stands", "steps"])
 def test_without_errors_of_the_sensors_the_estimate_is_the_truth(motion: Motion) -> None:
-    assert np.abs(missed(estimator(), motion, motion)).max() < 1e-9
+    assert np.abs(missed(estimator(), motion)).max() < 1e-9
 
 
 def test_a_wrong_lean_and_speed_at_the_start_are_found() -> None:
@@ -91,11 +89,10 @@ def test_position_and_heading_are_never_claimed_to_be_seen() -> None:
     """Their uncertainty at the start stays to the end, whatever noise does to the estimates that others depend on."""
     motion = stepping(duration=1.0)
     noisy = motion.with_noise(generator("unseen"), 5e-4, 5e-3, JOINT, np.full(6, 0.01))
-    one = estimator(noise=NOISE, joint=JOINT)
+    one, least = estimator(noise=NOISE, joint=JOINT), np.array([0.5, 0.4, 0.3, 0.3]) ** 2
     one.reset(motion.q[0], motion.v[0])
-    one._filter.P[range(6, 9), range(6, 9)] += np.array([0.5, 0.4, 0.3]) ** 2
-    one._filter.P[2, 2] += 0.3**2  # the whole world is turned, its velocities too
-    least = np.array([0.5, 0.4, 0.3, 0.3]) ** 2
+    one._filter.P[range(6, 9), range(6, 9)] += least[:3]
+    one._filter.P[2, 2] += least[3]  # the whole world is turned, its velocities too
     for k in range(len(motion.t)):
         one.update(**noisy.sample(k))
         diagonal = np.diag(one.covariance)
@@ -131,7 +128,7 @@ def test_errors_are_as_large_as_the_covariance_says() -> None:
 
 
 def test_biases_are_found_by_a_robot_that_turns() -> None:
-    motion = moved_by(lambda t: (np.zeros((4, 3)), [True] * 4), 6.0, 5e-3, turns=2.0)
+    motion = moved_by(stands, 6.0, 5e-3, turns=2.0)
     bias = np.array([0.02, -0.015, 0.01, 0.1, -0.08, 0.12])
     noisy = motion.with_noise(generator("biases"), 1e-4, 1e-3, 2e-4, bias)
     noise = ImuNoise(1e-4, 1e-3, 0.02, 0.1, 1e-6, 1e-5)
@@ -162,8 +159,7 @@ def leaning_by_its_accelerometer(stone: float = 0.0, **settings: Any) -> tuple[f
 
     motion = moved_by(feet, 2.0, 2e-3)
     one = estimator(noise=ImuNoise(1e-4, 1e-3, 1e-3, 0.2), flex=1e-4, **settings)
-    q, v = followed(one, motion.with_noise(generator("floor"), 1e-4, 1e-3, 0.0, bias), motion)
-    found = np.array([errors(*row) for row in zip(q[200:], v[200:], motion.q[200:], motion.v[200:], strict=True)])
+    found = missed(one, motion.with_noise(generator("floor"), 1e-4, 1e-3, 0.0, bias), motion)[200:]
     return float(np.abs(found[:, 3:5]).max()), float(np.abs(found[:, 2]).max())
 
 
@@ -224,12 +220,8 @@ def test_a_foot_that_slips_is_named_and_does_not_take_the_base_along(way: float)
     found: dict[float, Vec] = {}
     for gate in (1e-6, 0.0):
         one = estimator(noise=ImuNoise(gyro_bias=1e-3, accelerometer_bias=0.02), joint=2e-4, gate=gate)
-        one.reset(motion.q[0], motion.v[0])
-        said = []
-        for k in range(len(motion.t)):
-            q, v = one.update(**noisy.sample(k))
-            said.append(one.why)
-        found[gate] = errors(q, v, motion.q[-1], motion.v[-1])
+        rows = [(one.why, errors(q, v, motion.q[k], motion.v[k])) for k, q, v in estimates(one, noisy, motion)]
+        said, found[gate] = [why for why, _ in rows], rows[-1][1]
         slips = [motion.t[k] for k, why in enumerate(said) if "slips" in why]
         assert all(0.4 <= t <= 0.52 for t in slips)
         assert {why for why in said if why} == ({f"{NAMES[0]} slips"} if gate else set())
@@ -249,11 +241,8 @@ def test_a_foot_that_lands_early_is_used_from_then_on() -> None:
         return moved, [not 0.2 < t < 0.34, True, True, True]
 
     motion, one = moved_by(feet, 0.8, 2e-3), estimator(settle=5e-3)
-    one.reset(motion.q[0], motion.v[0])
-    touched = []
-    for k in range(len(motion.t)):
-        q, v = one.update(**motion.sample(k))
-        touched.append(one.contacts[NAMES[0]])
+    rows = [(one.contacts[NAMES[0]], q, v) for _, q, v in estimates(one, motion)]
+    touched, (_, q, v) = [touches for touches, *_ in rows], rows[-1]
     landed = next(t for t, before, now in zip(motion.t[1:], touched, touched[1:], strict=False) if now and not before)
     assert 0.34 <= landed <= 0.35
     assert np.abs(errors(q, v, motion.q[-1], motion.v[-1])).max() < 1e-8
@@ -263,12 +252,10 @@ def test_a_foot_that_lands_early_is_used_from_then_on() -> None:
 def test_a_ball_that_rolls_does_not_slip() -> None:
     """The trunk swings to and fro over round feet; the centre of each ball goes by r θ × z."""
     motion = rolled(0.02)
-    round_feet = [replace(foot, radius=0.02) for foot in POINTS]
     found = {}
-    for feet in (round_feet, POINTS):
-        one = BaseEstimator(ROBOT, feet, noise=QUIET, settle=0.0)
-        q, _ = followed(one, motion)
-        found[feet[0].radius] = np.abs(q[:, :3] - motion.q[:, :3]).max()
+    for radius in (0.02, 0.0):
+        one = estimator(feet=[replace(foot, radius=radius) for foot in POINTS])
+        found[radius] = np.abs(missed(one, motion)[:, :3]).max()
     assert found[0.02] < 2e-5
     assert found[0.0] > 20.0 * found[0.02], "the feet hardly rolled"
 
@@ -311,14 +298,15 @@ def rolled(radius: float) -> Motion:
 
 
 def test_touching_has_a_hysteresis_and_must_last() -> None:
-    one, rest = BaseEstimator(ROBOT, make=0.05, break_=0.025, settle=5e-3), np.array([0.0, 0.0, 9.81])
+    one = BaseEstimator(ROBOT, make=0.05, break_=0.025, settle=5e-3)
     one.reset(ROBOT.q0, np.zeros(18))
     told = {0: 0.06, 1: 0.03, 10: 0.02, 11: 0.04, 20: 0.06, 22: 0.04, 30: 0.06, 36: 0.03}
     wanted = {0: True, 9: True, 10: False, 19: False, 25: False, 34: False, 35: True, 40: True}
     share = 0.0
     for k in range(41):
         share = told.get(k, share)
-        one.update(1e-3 * k, ROBOT.q0[7:], np.zeros(12), np.zeros(3), rest, forces=dict.fromkeys(NAMES, share * WEIGHT))
+        forces = dict.fromkeys(NAMES, share * WEIGHT)
+        one.update(1e-3 * k, ROBOT.q0[7:], np.zeros(12), np.zeros(3), -GRAVITY, forces=forces)
         if k in wanted:
             assert set(one.contacts.values()) == {wanted[k]}, f"at {k} ms"
 
@@ -341,16 +329,20 @@ def test_torques_that_hold_a_standing_robot_tell_which_feet_stand(name: str) -> 
         assert next(iter(one.contacts.values())) != lifted
 
 
-def test_an_imu_beside_the_base_tells_the_same() -> None:
-    """The samples of an IMU on the base, moved to another place and turned, give the same base."""
-    motion, one = stepping(duration=0.5), estimator(noise=replace(QUIET, accelerometer_range=1e9))
-    lever, mount = np.array([0.1, -0.05, 0.08]), Rotation.from_rotvec([0.3, -0.5, 2.0]).as_matrix()
-    one.lever[:], one.mount[:] = lever, mount
-    R = Rotation.from_quat(motion.q[:, 3:7]).as_matrix()
-    points = motion.q[:, :3] + R @ lever
-    dt = float(motion.t[1])
-    # v of the IMU by the trapezoid that its positions make, then what it feels between
+@pytest.mark.filterwarnings("ignore::wbc.models.feet.Guessed")
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("lever", [np.zeros(3), np.array([0.1, -0.05, 0.08])], ids=["in it", "beside it"])
+def test_an_imu_tells_the_same_wherever_it_is_mounted(lever: Vec, seed: int, tmp_path: Path) -> None:
+    """A robot whose file has the IMU at a place of its own, turned, with what it feels there."""
+    angles = generator("a turned IMU", seed).uniform(-np.pi, np.pi, 3)
+    more = link("imu") + joint("mount", "trunk", "imu", "fixed", origin(lever, angles))
+    path, text = tmp_path / "quadruped.urdf", (OWN_ROBOTS / "quadruped.urdf").read_text(encoding="utf-8")
+    path.write_text(text.replace("</robot>", f"{more}</robot>"), encoding="utf-8")
+    robot, motion = wbc.load(path, base="floating", q0=ROBOT.q0), stepping(duration=0.5)
+    mount, R = Rotation.from_euler("xyz", angles).as_matrix(), Rotation.from_quat(motion.q[:, 3:7]).as_matrix()
     gyro, force = motion.gyro @ mount, motion.force.copy()
+    points, dt = motion.q[:, :3] + R @ lever, float(motion.t[1])
+    # v of the IMU by the trapezoid that its positions make, then what it feels between
     v = [R[0] @ (motion.v[0, :3] + np.cross(motion.v[0, 3:6], lever))]
     for k in range(1, len(R)):
         _, first, second = sums(dt * gyro[k])
@@ -358,15 +350,16 @@ def test_an_imu_beside_the_base_tells_the_same() -> None:
         push = (points[k] - points[k - 1] - dt * v[-1]) / dt**2 - 0.5 * GRAVITY
         force[k] = np.linalg.solve(turn @ second, push)
         v.append(v[-1] + dt * (turn @ first @ force[k] + GRAVITY))
-    seen = replace(motion, gyro=gyro, force=force)
-    found = missed(one, seen, motion)
-    assert np.abs(found[:, :6]).max() < 1e-8
+    force[0] = force[0] @ mount
+    one = estimator(robot, noise=replace(QUIET, accelerometer_range=1e9), imu_frame="imu")
+    off = np.abs(missed(one, replace(motion, gyro=gyro, force=force), motion))
+    assert off[:, :6].max() < 1e-8 if lever.any() else off.max() < 1e-9
 
 
 def test_the_covariance_stays_one_in_a_long_run() -> None:
-    one, at_rest = BaseEstimator(ROBOT), np.array([0.0, 0.0, 9.81])
+    one = BaseEstimator(ROBOT)
     for k in range(5_000):
-        one.update(1e-3 * k, ROBOT.q0[7:], np.zeros(12), np.zeros(3), at_rest)
+        one.update(1e-3 * k, ROBOT.q0[7:], np.zeros(12), np.zeros(3), -GRAVITY)
     P = one._filter.P
     assert np.abs(P - P.T).max() <= 1e-12 * np.abs(P).max()
     assert np.linalg.eigvalsh(P)[0] > -1e-12 * np.abs(P).max()
@@ -375,15 +368,10 @@ def test_the_covariance_stays_one_in_a_long_run() -> None:
 
 def test_the_rate_of_a_base_that_a_leg_swings_is_not_late():
     """A step of a humanoid turns its base by up to 0.25 rad/s, 1.4 times a second; what is late moves the foot."""
-    robot, w = wbc.load("quadruped"), 2.0 * np.pi * 1.4
-    estimator = BaseEstimator(robot, noise=SENSORS["mti-300"].imu)
-    estimator.reset(robot.q0, np.zeros(robot.nv))
-    off = []
+    one, off, in_the_air = BaseEstimator(ROBOT, noise=SENSORS["mti-300"].imu), [], dict.fromkeys(NAMES, 0.0)
+    one.reset(ROBOT.q0, np.zeros(ROBOT.nv))
     for t in np.arange(1e-3, 1.0, 1e-3):
-        rate = 0.25 * np.sin(w * t)
-        _, v = estimator.update(
-            t, robot.q0[7:], np.zeros(12), np.array([0.0, rate, 0.0]), np.array([0.0, 0.0, 9.81]),
-            forces=dict.fromkeys(robot.feet, 0.0),
-        )  # fmt: skip
-        off.append(abs(v[4] - rate))
+        rate = np.array([0.0, 0.25 * np.sin(2.0 * np.pi * 1.4 * t), 0.0])
+        _, v = one.update(t, ROBOT.q0[7:], np.zeros(12), rate, -GRAVITY, forces=in_the_air)
+        off.append(abs(v[4] - rate[1]))
     assert max(off[200:]) < 3e-3

@@ -9,21 +9,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.robots.motions import (
-    NAMES,
-    POINTS,
-    ROBOT,
-    errors,
-    estimator,
-    standing,
-)  # fmt: skip
+from tests.robots.motions import NAMES, POINTS, ROBOT, errors, estimator, standing
 from wbc.models.plausible import ImplausibleUnit
 from wbc.robots import BaseEstimator
 from wbc.sim.spoiling import RUBBISH, spoilt
 
+SOUND = standing(duration=0.2)
 
-def sound(k: int) -> dict[str, Any]:
-    return standing(duration=0.2).sample(k)
+
+def begun() -> BaseEstimator:
+    """An estimator at the start of the sound samples."""
+    one = estimator()
+    one.reset(SOUND.q[0], SOUND.v[0])
+    return one
 
 
 @pytest.mark.parametrize(
@@ -43,16 +41,15 @@ def sound(k: int) -> dict[str, Any]:
 def test_a_spoilt_sample_is_named_and_leaves_no_trace(part: str, value: Any, said: str) -> None:
     ends = []
     for spoils in (False, True):
-        one = estimator()
-        one.reset(*(standing(duration=0.2).q[0], standing(duration=0.2).v[0]))
+        one = begun()
         for k in range(20):
-            q, v = one.update(**sound(k))
+            q, v = one.update(**SOUND.sample(k))
         if spoils:
-            back = one.update(**{**sound(20), part: value})
+            back = one.update(**{**SOUND.sample(20), part: value})
             assert said in one.why and one.why.startswith("sample left out")
             assert np.array_equal(back[0], q) and np.array_equal(back[1], v)
         for k in range(21, 30):
-            q, v = one.update(**sound(k))
+            q, v = one.update(**SOUND.sample(k))
         assert one.why == ""
         ends.append(np.concatenate([q, v]))
     assert np.array_equal(*ends)
@@ -64,7 +61,7 @@ def test_nothing_that_is_not_finite_comes_out(seed: int) -> None:
     rng, one = np.random.default_rng(seed), estimator()
     t = 0.0
     for k in range(30):
-        sample = sound(k)
+        sample = SOUND.sample(k)
         t = float(t + rng.choice([1e-9, 2e-3, 0.1, 10.0, 1e6]))
         sample["t"] = t
         for part in ("joint_q", "joint_v", "gyro_in_imu", "acceleration_in_imu"):
@@ -85,18 +82,17 @@ def test_one_wild_stamp_costs_its_sample_and_nothing_else(start: float, wild: fl
     """Far in the future or the past: as if this sample had been lost. Two that agree are a clock that has jumped."""
     ends = []
     for stamp in (None, start + wild):
-        one = estimator()
-        one.reset(standing(duration=0.2).q[0], standing(duration=0.2).v[0])
+        one = begun()
         for i in range(30):
             if i == k and stamp is None:
                 continue
-            q, v = one.update(**{**sound(i), "t": stamp if i == k else start + sound(i)["t"]})  # type: ignore[arg-type]
+            q, v = one.update(**{**SOUND.sample(i), "t": stamp if i == k else start + SOUND.sample(i)["t"]})  # type: ignore[arg-type]
             assert bool(one.why) == (i == k)
         ends.append(np.concatenate([q, v]))
     assert np.array_equal(*ends)
     said = []
     for i in range(30, 33):
-        one.update(**{**sound(i), "t": start + wild + sound(i)["t"]})
+        one.update(**{**SOUND.sample(i), "t": start + wild + SOUND.sample(i)["t"]})
         said.append(one.why)
     assert "sample left out: t is" in said[0] and "nothing was heard" in said[1] and not said[2]
 
