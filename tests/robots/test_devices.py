@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,17 +16,7 @@ import wbc
 from tests.robots import layouts
 from tests.robots.examples import needs_examples
 from wbc.errors import InvalidInput, UnknownSlot
-from wbc.robots import (
-    Franka,
-    JointMap,
-    LeRobot,
-    Loop,
-    MotorBoard,
-    Ros2Control,
-    UnitreeG1,
-    UnitreeG1Arms,
-    UnitreeGo2,
-)
+from wbc.robots import Franka, JointMap, LeRobot, Loop, MotorBoard, Ros2Control, UnitreeG1, UnitreeG1Arms, UnitreeGo2
 from wbc.robots.check import check
 from wbc.robots.device import BadFrame, Device, Order, Reading
 from wbc.robots.unitree import GO_COMMAND, GO_STATE, HG_COMMAND, HG_STATE, Unitree, checksum
@@ -192,6 +183,19 @@ def test_readings_and_orders_come_back_as_they_went(device: Device, seed: int):
         np.testing.assert_array_equal(obeyed.q, order.q)
 
 
+def record_of(device: Unitree, frame: bytes) -> Any:
+    """A frame as numbers that can be changed."""
+    return np.frombuffer(frame, device.command if len(frame) == device.command.itemsize else device.state).copy()
+
+
+def changed(device: Unitree, frame: bytes, **values: int) -> bytes:
+    """A frame of which some numbers are others, with its checksum anew."""
+    record = record_of(device, frame)
+    for name, value in values.items():
+        record[name] = value
+    return device._sealed(record)
+
+
 @pytest.mark.parametrize("place", [0, 1, 2, 5, 700, 803, 811])
 def test_a_flipped_bit_is_refused(place: int):
     go2 = UnitreeGo2()
@@ -203,45 +207,42 @@ def test_a_flipped_bit_is_refused(place: int):
 
 def test_frames_that_a_robot_would_not_take_are_named():
     g1, go2 = UnitreeG1(), UnitreeGo2()
-    reading = reading_for(g1, 0)
-    order = order_for(g1, 0)
-    other = g1.pack(order.q, order.dq, order.tau, order.kp, order.kd, mode_machine=(reading.mode_machine + 1) % 256)
-    with pytest.raises(BadFrame, match=r"mode_machine is .*; it must be"):
-        g1.decode(other, reading)
-    off = np.frombuffer(g1.encode(order, reading), HG_COMMAND).copy()
+    readings, orders = ({one: of(one, 0) for one in (g1, go2)} for of in (reading_for, order_for))
+    other = replace(readings[g1], mode_machine=(readings[g1].mode_machine + 1) % 256)
+    sound = {one: one.encode(orders[one], readings[one]) for one in (g1, go2)}
+    off = record_of(g1, sound[g1])
     off["motor_cmd"]["mode"][0, 7] = 0
-    with pytest.raises(BadFrame, match="right_hip_roll_joint is 0, so it is off"):
-        g1.decode(g1._sealed(off), reading)
-    beheaded = np.frombuffer(go2.encode(order_for(go2, 0), reading_for(go2, 0)), GO_COMMAND).copy()
-    beheaded["head"] = 0
-    with pytest.raises(BadFrame, match="head"):
-        go2.decode(go2._sealed(beheaded), reading_for(go2, 0))
-    for frame in (b"", bytes(811), "text", None):
-        with pytest.raises(BadFrame, match="must be 1180 bytes"):
-            go2.unpack(frame)
-    with pytest.raises(BadFrame, match="crc"):
-        go2.unpack(bytes(1180))
+    for device, frame, said in (
+        (g1, g1.encode(orders[g1], other), r"mode_machine is .*; it must be"),
+        (g1, g1._sealed(off), "right_hip_roll_joint is 0, so it is off"),
+        (go2, changed(go2, sound[go2], head=0), "head"),
+    ):
+        with pytest.raises(BadFrame, match=said):
+            device.decode(frame, readings[device])
+    no_answer = changed(g1, g1.report(readings[g1]), mode_pr=2)
+    for device, frame, said in (
+        *((go2, frame, "must be 1180 bytes") for frame in (b"", bytes(811), "text", None)),
+        (go2, bytes(1180), "crc"),
+        (g1, no_answer, "mode_pr is 2; it must be 0 or 1"),
+    ):
+        with pytest.raises(BadFrame, match=said):
+            device.unpack(frame)
     assert UnitreeGo2(check=False).unpack(bytes(1180)).time == 0.0
 
 
+def of_franka(**changed: Any) -> SimpleNamespace:
+    return SimpleNamespace(**{"time": 0.0, **dict.fromkeys(("q", "dq", "tau_J", "tau_J_d"), np.zeros(7)), **changed})
+
+
+def of_group(*names: str, **lists: list[Any]) -> SimpleNamespace:
+    return SimpleNamespace(**{"name": [*names], "velocity": [], "effort": [], "position": [], **lists})
+
+
 JUNK = [
-    None,
-    "text",
-    b"",
-    bytes(812),
-    3.0,
-    [],
-    {},
-    np.zeros(3),
-    np.zeros((2, 2)),
-    [None, "x"],
-    SimpleNamespace(),
-    object,
-]
-JUNK += [SimpleNamespace(name=["b", "a"], position=["x", 1], velocity=[], effort=[]), SimpleNamespace(name=None)]
-JUNK += [SimpleNamespace(name=["b", "a"], position=[], velocity=[], effort=[])]
-JUNK += [SimpleNamespace(time=None, q=np.zeros(7), dq=np.zeros(7), tau_J=np.zeros(7), tau_J_d=np.zeros(7))]
-JUNK += [SimpleNamespace(time=0.0, q=np.zeros(6), dq=np.zeros(6), tau_J=np.zeros(6), tau_J_d=np.zeros(6))]
+    None, "text", b"", bytes(812), 3.0, [], {}, np.zeros(3), np.zeros((2, 2)), [None, "x"], SimpleNamespace(), object,
+    of_group("b", "a", position=["x", 1]), of_group("b", "a"), SimpleNamespace(name=None), of_franka(time=None),
+    of_franka(**dict.fromkeys(("q", "dq", "tau_J", "tau_J_d"), np.zeros(6))),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("device", DEVICES, ids=repr)
@@ -256,8 +257,7 @@ def test_what_is_no_frame_at_all_is_a_bad_frame(device: Device):
 def spoilt(device: Device, frame: Any, bad: float, rng: np.random.Generator) -> Any:
     """A frame of which one number that the device reads is ``bad``."""
     if isinstance(device, Unitree):
-        commanded = len(frame) == device.command.itemsize
-        record = np.frombuffer(frame, device.command if commanded else device.state).copy()
+        commanded, record = len(frame) == device.command.itemsize, record_of(device, frame)
         part, names = ("motor_cmd", "q dq tau kp kd") if commanded else ("motor_state", "q dq tau_est")
         if not commanded and rng.random() < 0.4:
             record["imu_state"][rng.choice(["quaternion", "gyroscope", "accelerometer"])][0, rng.integers(3)] = bad
@@ -287,21 +287,6 @@ def test_a_frame_with_a_number_that_is_none_is_a_bad_frame(device: Device, seed:
         device.decode(spoilt(device, device.encode(order_for(device, seed), answered), bad, rng), answered)
 
 
-def test_a_state_that_no_order_can_answer_is_a_bad_frame():
-    g1 = UnitreeG1()
-    state = np.frombuffer(g1.report(reading_for(g1, 0)), HG_STATE).copy()
-    state["mode_pr"] = 2
-    with pytest.raises(BadFrame, match="mode_pr is 2; it must be 0 or 1"):
-        g1.unpack(g1._sealed(state))
-
-
-def test_unknown_velocities_brake_nothing():
-    group = Ros2Control(["a", "b"])
-    reading = group.unpack(SimpleNamespace(name=["a", "b"], position=[1.0, 2.0], velocity=[], effort=[]))
-    order = Order([1.5, 2.0], dq=0.5, tau=[10.0, 20.0], kp=2.0, kd=1.0)
-    np.testing.assert_allclose(group.encode(order, reading), [11.5, 20.5])
-
-
 @given(seed=seeds)
 def test_what_a_franka_is_sent_changes_by_a_newton_metre_at_most_and_leaves_gravity_out(seed: int):
     rng = np.random.default_rng(seed)
@@ -322,13 +307,14 @@ def test_what_a_franka_is_sent_changes_by_a_newton_metre_at_most_and_leaves_grav
 
 def test_a_group_of_ros2_control_is_read_by_name_and_written_in_its_own_order():
     group = Ros2Control(["hip", "knee"], adds_gravity=True)
-    state = SimpleNamespace(name=["other", "knee", "hip"], position=[9, 2, 1], velocity=[9, 4, 3], effort=[9, 6, 5])
-    reading = group.unpack(state)
+    reading = group.unpack(of_group("other", "knee", "hip", position=[9, 2, 1], velocity=[9, 4, 3], effort=[9, 6, 5]))
     assert (reading.q.tolist(), reading.dq.tolist(), reading.tau.tolist()) == ([1, 2], [3, 4], [5, 6])
     order = Order([1.5, 2.0], dq=3.0, tau=[10.0, 20.0], kp=2.0, kd=1.0, gravity=[1.0, 2.0])
     np.testing.assert_allclose(group.encode(order, reading), [10 + 1.0 - 1.0, 20 - 1.0 - 2.0])
+    without = group.unpack(of_group("hip", "knee", position=[1.0, 2.0]))  # unknown velocities brake nothing
+    np.testing.assert_allclose(group.encode(order, without), [10 + 1.0 + 3.0 - 1.0, 20 + 3.0 - 2.0])
     with pytest.raises(BadFrame, match="no 'hip'"):
-        group.unpack(SimpleNamespace(name=["knee"], position=[1.0], velocity=[], effort=[]))
+        group.unpack(of_group("knee", position=[1.0]))
 
 
 def test_dictionaries_of_degrees_become_radians_through_their_map():
@@ -376,3 +362,46 @@ def test_a_part_of_the_robot_is_mapped_by_name():
     assert joint_map.index.tolist() == [*range(14)]
     with pytest.raises(UnknownSlot):
         arms.joint_map(robot)
+
+
+# ---- the makers' own software, where it is installed: ``pip install unitree-sdk2py-dimos pylibfranka``
+def fill(message: Any, record: Any) -> None:
+    """Every field of a record into the message's field of the same name."""
+    for name in record.dtype.names:
+        value = record[name]
+        if value.dtype.names is None:
+            setattr(message, name, value.tolist())
+        elif value.ndim:
+            for part, one in zip(getattr(message, name), value, strict=True):
+                fill(part, one)
+        else:
+            fill(getattr(message, name), value)
+
+
+@pytest.mark.parametrize("device", [UnitreeG1(), UnitreeG1Arms(waist=True), UnitreeGo2()], ids=repr)
+@pytest.mark.parametrize("seed", range(5))
+def test_the_sdk_computes_the_same_checksums(device: Unitree, seed: int):
+    pytest.importorskip("unitree_sdk2py")
+    from unitree_sdk2py.idl import default
+    from unitree_sdk2py.utils.crc import CRC
+
+    reading = reading_for(device, seed)
+    for kind, layout, frame in (
+        ("LowCmd_", device.command, device.encode(order_for(device, seed), reading)),
+        ("LowState_", device.state, device.report(reading)),
+    ):
+        message = getattr(default, f"{device.package}_msg_dds__{kind}")()
+        record = np.frombuffer(frame, layout)[0]
+        fill(message, record)
+        assert CRC().Crc(message) == record["crc"]
+
+
+def test_pylibfranka_takes_torques_and_has_the_fields_that_are_read():
+    libfranka = pytest.importorskip("pylibfranka")
+    arm = Franka()
+    frame = arm.encode(
+        Order(np.zeros(7), tau=0.5), Reading(q=np.zeros(7), dq=np.zeros(7), tau=np.zeros(7), sent=np.zeros(7))
+    )
+    assert list(libfranka.Torques(frame.tolist()).tau_J) == frame.tolist()
+    assert all(hasattr(libfranka.RobotState, name) for name in ("q", "dq", "tau_J", "tau_J_d", "time"))
+    assert hasattr(libfranka.Duration, "to_sec")

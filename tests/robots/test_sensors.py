@@ -94,20 +94,13 @@ def played(name: str, *settings: str, duration: float) -> ScenarioResult:
 
 @pytest.mark.physics
 @pytest.mark.slow
+@pytest.mark.parametrize("sensors", ["exact", "bmi055"])
 @pytest.mark.parametrize(
-    "name, settings, duration, sensors",
-    [
-        (name, settings, duration, sensors)
-        for name, settings, duration, noisy in (
-            ("quadruped-stand", ["robot=quadruped"], 2.5, "bmi055"),
-            ("humanoid-stand", ["robot=humanoid"], 2.5, "bmi055"),
-            ("quadruped-trot-in-place", ["robot=quadruped"], 2.6, "bmi055"),
-            ("humanoid-step", ["robot=humanoid", "steps=1"], 4.0, "bmi055"),
-        )
-        for sensors in ("exact", noisy)
-    ],
+    ("name", "settings", "duration"),
+    [("quadruped-stand", ["robot=quadruped"], 2.5), ("humanoid-stand", ["robot=humanoid"], 2.5),
+     ("quadruped-trot-in-place", ["robot=quadruped"], 2.6), ("humanoid-step", ["robot=humanoid", "steps=1"], 4.0)],
     ids=lambda x: x if isinstance(x, str) else "",
-)
+)  # fmt: skip
 def test_scenarios_stand_and_walk_with_the_estimate_in_the_loop(
     name: str, settings: list[str], duration: float, sensors: str
 ) -> None:
