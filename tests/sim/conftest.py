@@ -43,13 +43,9 @@ def stander(standing):
 
     def make(model, contacts=None, **settings):
         state = model.state()
-        state.update(0.0, model.q0, np.zeros(model.nv))
         base = state.frame(model.frame_names[0])
-        tasks = [
-            CenterOfMass(target=state.com.copy()),
-            Orientation(base.name, target=base.rotation.copy(), weight=0.1),
-            Posture(model.q0, kp=10, weight=1e-3),
-        ]
+        upright = Orientation(base.name, target=base.rotation.copy(), weight=0.1)
+        tasks = [CenterOfMass(target=state.com.copy()), upright, Posture(model.q0, kp=10, weight=1e-3)]
         contacts = standing(model) if contacts is None else contacts
         stack = Stack(tasks, subject_to=[TorqueLimits()], contacts=contacts)
         return Controller(model, stack, level=InverseDynamics(), **settings)

@@ -19,22 +19,18 @@ mujoco = pytest.importorskip("mujoco", reason="the extra `sim`")
 pytestmark = pytest.mark.physics
 
 
-def with_links(model, change):
-    """The model, and a description in which some links are changed behind its back."""
-    other = copy.copy(model)
-    other.urdf = replace(model.urdf, links=tuple(change(link) for link in model.urdf.links))
-    return other
+OWN = PhysicsSettings(armature=0.1, joint_damping=1.0, joint_friction=0.5)
 
 
-@pytest.mark.parametrize(("name", "base"), [("arm", "fixed"), ("quadruped", "floating"), ("humanoid", "floating")])
-def test_our_robots_are_the_same_in_physics(name, base):
-    plant = MujocoPlant(load(name, base=base))
+@pytest.mark.parametrize(
+    ("name", "base", "settings"),
+    [("arm", "fixed", None), ("quadruped", "floating", None), ("humanoid", "floating", None), ("arm", "floating", None),
+     ("arm", "fixed", OWN)],
+)  # fmt: skip
+def test_our_robots_are_the_same_in_physics_whatever_settings_the_plant_has(name, base, settings):
+    plant = MujocoPlant(load(name, base=base), settings=settings or PhysicsSettings())
     assert set(plant.agreement) == {"total mass", "M", "h", "a"}
     assert max(plant.agreement.values()) < 1e-11
-
-
-def test_an_arm_on_a_floating_base_is_a_robot_too():
-    assert max(MujocoPlant(load("arm", base="floating")).agreement.values()) < 1e-11
 
 
 @pytest.mark.slow
@@ -48,31 +44,29 @@ def test_example_robots_are_the_same_in_physics(name):
     assert max(MujocoPlant(model).agreement.values()) < 1e-11
 
 
-def test_settings_that_are_the_plants_own_do_not_count():
-    settings = PhysicsSettings(armature=0.1, joint_damping=1.0, joint_friction=0.5)
-    assert max(MujocoPlant(load("arm"), settings=settings).agreement.values()) < 1e-11
+def heavier(by):
+    return lambda inertial: replace(inertial, mass=inertial.mass + by)
 
 
-def test_a_lost_gram_is_found():
-    def lighter(link):
-        return (
-            replace(link, inertial=replace(link.inertial, mass=link.inertial.mass - 1e-3))
-            if link.name == "trunk"
-            else link
-        )
-
-    with pytest.raises(SimulationError, match=r"quadruped are not the same robot: total mass by 6\.\de-05, M by"):
-        MujocoPlant(with_links(load("quadruped"), lighter))
+def rounder(inertial):
+    return replace(inertial, inertia=tuple(1.0001 * x for x in inertial.inertia))
 
 
-def test_an_inertia_that_is_off_by_a_millionth_is_found():
-    def rounder(link):
-        if link.name != "forearm":
-            return link
-        return replace(link, inertial=replace(link.inertial, inertia=tuple(1.0001 * x for x in link.inertial.inertia)))
-
-    with pytest.raises(SimulationError, match="not the same robot: M by"):
-        MujocoPlant(with_links(load("arm"), rounder))
+@pytest.mark.parametrize(
+    ("name", "link", "change", "sentence"),
+    [
+        ("quadruped", "trunk", heavier(-1e-3), r"quadruped are not the same robot: total mass by 6\.\de-05, M by"),
+        ("arm", "forearm", rounder, "not the same robot: M by"),
+        ("arm", "forearm", lambda inertial: None, r"MuJoCo cannot build arm: .*mass"),
+    ],
+    ids=["a lost gram", "an inertia that is off by a ten-thousandth", "no mass"],
+)
+def test_a_link_that_is_changed_behind_the_model_is_found(name, link, change, sentence):
+    other = copy.copy(load(name))
+    links = [replace(one, inertial=change(one.inertial)) if one.name == link else one for one in other.urdf.links]
+    other.urdf = replace(other.urdf, links=tuple(links))
+    with pytest.raises(SimulationError, match=sentence):
+        MujocoPlant(other)
 
 
 def test_a_description_of_another_robot_is_refused():
@@ -80,14 +74,6 @@ def test_a_description_of_another_robot_is_refused():
     other.urdf = load("quadruped").urdf
     with pytest.raises(SimulationError, match="MuJoCo has no joint 'shoulder_yaw', which arm has"):
         MujocoPlant(other)
-
-
-def test_a_robot_that_physics_cannot_build_is_refused_with_its_reason():
-    def weightless(link):
-        return replace(link, inertial=None) if link.name == "forearm" else link
-
-    with pytest.raises(SimulationError, match=r"MuJoCo cannot build arm: .*mass"):
-        MujocoPlant(with_links(load("arm"), weightless))
 
 
 def test_a_joint_without_torque_is_passive():

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.models.builders import at
 from wbc.errors import SimulationError
 from wbc.models import load
 from wbc.sim.plant import ForwardDynamicsPlant, IntegratorPlant
@@ -18,8 +19,7 @@ ARM, LEGS = load("arm"), load("quadruped")
 
 def energy(model, q, v):
     """Kinetic and potential [J]."""
-    state = model.state()
-    state.update(0.0, q, v)
+    state = at(model, q, v)
     return 0.5 * v @ state.M @ v - model.mass * model.gravity @ state.com
 
 
@@ -55,11 +55,8 @@ def test_time_does_not_drift(command):
 
 def test_torques_that_carry_gravity_hold_the_arm_still(command):
     plant = ForwardDynamicsPlant(ARM, dt=1e-3)
-    state = ARM.state()
-    state.update(0.0, ARM.q0, np.zeros(ARM.nv))
-    gravity = state.g.copy()
     for _ in range(100):
-        plant.step(command(ARM, tau=gravity))
+        plant.step(command(ARM, tau=at(ARM).g))
     np.testing.assert_allclose(plant.q, ARM.q0, atol=1e-9)
 
 
@@ -77,13 +74,9 @@ def test_free_motion_keeps_the_energy(command):
 def test_in_free_flight_the_centre_of_mass_falls_with_g_whatever_the_legs_do(command):
     plant = ForwardDynamicsPlant(LEGS, dt=1e-3, substeps=10)
     plant.reset(LEGS.q0)
-    state = LEGS.state()
-    state.update(0.0, plant.q, plant.v)
-    start = state.com.copy()
     for k in range(100):
         plant.step(command(LEGS, tau=2.0 * np.sin(0.1 * k + np.arange(LEGS.nj))))
-    state.update(0.0, plant.q, plant.v)
-    np.testing.assert_allclose(state.com - start, 0.5 * LEGS.gravity * 0.1**2, atol=5e-5)
+    np.testing.assert_allclose(at(LEGS, plant.q).com - at(LEGS).com, 0.5 * LEGS.gravity * 0.1**2, atol=5e-5)
 
 
 def test_states_are_read_only_and_belong_to_their_moment(command):
