@@ -1,4 +1,4 @@
-"""Disturbances do what their line says, at the time it says, the same each time."""
+"""Disturbances and failing actuators do what their line says, at the time it says, the same each time."""
 
 from __future__ import annotations
 
@@ -7,10 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import wbc
+from tasks import Posture
+from tests.models.builders import at
 from wbc.errors import UnknownFrame
-from wbc.models import load
+from wbc.models import Planar4P, load
+from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.disturbance import Delay, Payload, Push, SensorNoise
-from wbc.sim.plant import IntegratorPlant, Plant
+from wbc.sim.plant import Delivered, ForwardDynamicsPlant, IntegratorPlant, Plant
+from wbc.sim.simulate import simulate
 
 ARM, LEGS = load("arm"), load("quadruped")
 
@@ -104,23 +109,16 @@ def test_a_payload_is_picked_up_once_and_makes_a_held_arm_sink(command):
     pytest.importorskip("mujoco")
     from wbc.sim.mujoco_ import MujocoPlant
 
-    plant, state = MujocoPlant(ARM), ARM.state()
+    plant, gravity, heights = MujocoPlant(ARM), at(ARM).g, []
     effect = Payload("tool", mass=1.5, start=0.05).begin(plant)
-    state.update(0.0, ARM.q0, np.zeros(ARM.nv))
-    gravity = state.g.copy()
-    heights = []
     for _ in range(150):
         effect.push(plant.t)
         plant.step(command(ARM, tau=gravity))
-        state.update(plant.t, plant.q, plant.v)
-        heights.append(state.frame("tool").position[2])
+        heights.append(at(ARM, plant.q).frame("tool").position[2])
     assert max(heights[:50]) - min(heights[:50]) < 1e-6
     assert heights[-1] < heights[49] - 0.01
-    assert plant.physics.body("tool").mass[0] == pytest.approx(1.5 + sum(_mass(ARM, "tool")))
-
-
-def _mass(model, name):
-    return [link.inertial.mass for link in model.urdf.links if link.name == name and link.inertial is not None]
+    own = sum(link.inertial.mass for link in ARM.urdf.links if link.name == "tool" and link.inertial is not None)
+    assert plant.physics.body("tool").mass[0] == pytest.approx(1.5 + own)
 
 
 @pytest.mark.physics
@@ -144,3 +142,59 @@ def test_each_says_itself_in_one_line():
         "commands arrive 2.5 ms late",
         "payload of 2 kg at 'tool' from 5 s",
     ]
+
+
+# ---- actuators that fail
+WANTED = Delivered(np.array([5.0, -2.0, 1.0, 3.0]), np.ones(4), np.zeros(4), np.full(4, 2.0))
+
+
+def delivered(fault: ActuatorFault, t: float) -> np.ndarray:
+    effect = fault.begin(ForwardDynamicsPlant(Planar4P()))
+    effect.push(t)
+    arrived = effect.deliver(WANTED)
+    assert arrived.a is WANTED.a and arrived.v is WANTED.v and arrived.q is WANTED.q
+    return arrived.tau
+
+
+@pytest.mark.parametrize(
+    ("fault", "arrives"),
+    [
+        (ActuatorFault(joint="q1"), 0.0),
+        (ActuatorFault(joint="q1", effectiveness=0.3), 1.5),
+        (ActuatorFault(joint="q1", effectiveness=1.0, bias=-2.0), 7.0),
+        (ActuatorFault(joint="q1", effectiveness=0.5, bias=1.0), 1.5),
+    ],
+)
+def test_what_arrives_is_what_is_commanded_less_what_is_missing(fault: ActuatorFault, arrives: float):
+    assert delivered(fault, 0.0).tolist() == [arrives, -2.0, 1.0, 3.0]
+    assert 5.0 - fault.missing(0.0, 5.0) == arrives
+
+
+def test_it_lasts_from_start_to_end_whatever_rounding_makes_of_time():
+    fault = ActuatorFault(joint="q3", start=0.3, end=0.6)
+    late = [round(t, 3) for t in 1e-3 * np.arange(1000) if delivered(fault, t)[2] == 0.0]
+    assert (late[0], late[-1], len(late)) == (0.3, 0.599, 300)
+
+
+def test_it_says_what_it_is():
+    assert str(ActuatorFault(joint="q1", effectiveness=0.5, bias=1.0, end=2.0)) == (
+        "actuator q1 delivers 50 % less 1 from 0 s to 2 s"
+    )
+    assert (
+        str(ActuatorFault(joint="q1", effectiveness=1.0, bias=-2.0, end=2.0))
+        == "actuator q1 delivers 100 % plus 2 from 0 s to 2 s"
+    )
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_it_starts_and_ends_in_its_time_however_late_commands_are(order: int):
+    robot, fault, late = Planar4P(), ActuatorFault(joint="q1", effectiveness=1.0, bias=2.0, start=0.01), Delay(0.02)
+    stack = wbc.Stack([Posture(robot.q0, kp=10)])
+
+    def run(*disturbances):
+        controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics())
+        return simulate(controller, ForwardDynamicsPlant(robot), duration=0.015, disturbances=disturbances)
+
+    healthy, failing = run(late), run(*[fault, late][::order])
+    moved = np.abs(failing["plant.v"] - healthy["plant.v"]).max(axis=1)
+    assert not moved[:11].any() and moved[11:].all()
