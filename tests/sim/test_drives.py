@@ -14,6 +14,7 @@ import wbc
 from tasks import JointVelocityLimits, Position, Posture, Sinusoid
 from tasks.scenarios.quadruped_stand import STANCES
 from tasks.scenarios.standing import standing_plant, standing_stack
+from tests.models.builders import at
 from wbc.errors import InvalidInput, NotSupported
 from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.disturbance import Push
@@ -45,15 +46,21 @@ def drawn(seed: int, size: float = 0.5) -> tuple[Any, Any, Any]:
     return q, v, command
 
 
-@given(st.integers(0, 2**32 - 1), st.sampled_from([SOFT, DEAF]), st.sampled_from([0.05, 5.0]))
-def test_a_drive_is_a_spring_and_a_damper_with_a_torque_limit(seed: int, plant: MujocoPlant, size: float) -> None:
+@given(
+    st.integers(0, 2**32 - 1), st.sampled_from([SOFT, DEAF]), st.sampled_from([0.05, 5.0]), st.booleans(),
+)  # fmt: skip
+def test_a_drive_is_a_spring_and_a_damper_with_a_torque_limit(
+    seed: int, plant: MujocoPlant, size: float, told: bool
+) -> None:
+    """The torque that a level decides is fed forward, where there is one and drives take it."""
     q, v, command = drawn(seed, size)
+    if not told:
+        command.tau = np.full(ARM.nj, np.nan)
     plant.reset(q, v)
     plant.step(command)
-    assert plant.drives is not None
     torque = 30.0 * (command.q - q)
     torque += (np.linspace(0.1, 2.0, ARM.nj) if plant is SOFT else 1.0) * (command.v - v)
-    torque += command.tau if plant.drives.feed_forward else 0.0
+    torque += command.tau if told and plant is SOFT else 0.0
     most = ARM.limits.tau_max
     np.testing.assert_allclose(plant.truth()["plant.tau"], np.clip(torque, -most, most), atol=1e-9)
 
@@ -68,17 +75,6 @@ def test_drives_without_gains_are_motors(seed: int) -> None:
             plant.step(command)
         ends.append((plant.q, plant.v))
     np.testing.assert_allclose(ends[0], ends[1], atol=1e-12)
-
-
-@given(st.integers(0, 2**32 - 1))
-def test_a_level_without_torques_feeds_none_forward(seed: int) -> None:
-    q, v, command = drawn(seed)
-    command.tau = np.full(ARM.nj, np.nan)
-    SOFT.reset(q, v)
-    SOFT.step(command)
-    torque = 30.0 * (command.q - q) + np.linspace(0.1, 2.0, ARM.nj) * (command.v - v)
-    most = ARM.limits.tau_max
-    np.testing.assert_allclose(SOFT.truth()["plant.tau"], np.clip(torque, -most, most), atol=1e-9)
 
 
 def test_a_robot_with_drives_is_the_same_robot() -> None:
@@ -96,10 +92,8 @@ def tracked(level: str, feedback: str, **drives: Any) -> float:
     plant.reset(ARM.q0)
     run = simulate(wbc.Setpoint(controller, feedback=feedback), plant, duration=1.5)
     assert run.meta["ended"] == "complete" and run.meta["feedback"] == feedback
-    state, errors = ARM.state(), []
-    for t, q, v in zip(run["t"][500:], run["plant.q"][500:], run["plant.v"][500:], strict=True):
-        state.update(t, q, v)
-        errors.append(np.linalg.norm(state.frame("tool").position - PATH(t)[0]))
+    late = zip(run["t"][500:], run["plant.q"][500:], strict=True)
+    errors = [np.linalg.norm(at(ARM, q).frame("tool").position - PATH(t)[0]) for t, q in late]
     assert run["q_cmd"].shape == run["q"].shape and (np.abs(run["plant.tau"]) <= ARM.limits.tau_max).all()
     return float(np.sqrt(np.mean(np.square(errors))))
 
