@@ -22,12 +22,15 @@ from tasks import (
     TorqueLimits,
     feet,
 )
-from tests.models.builders import quietly
+from tests.models.builders import at, quietly
 from tests.models.test_standing_by_path import example
 from tests.robots.examples import needs_examples
 from wbc.models.catalogue import example_robots
 from wbc.models.pinocchio_ import Base, PinocchioModel
+from wbc.sim.mujoco_ import MujocoPlant
+from wbc.sim.simulate import simulate
 
+pytest.importorskip("mujoco", reason="the extra `sim`")
 pytestmark = [needs_examples, pytest.mark.physics]
 DT = 2e-3
 #: Robots with legs that stand on what is left when a foot is up.
@@ -59,8 +62,6 @@ HANDS: dict[str, tuple[list[str], dict[str, float], Base]] = {
 
 
 def simulated(robot: PinocchioModel, stack: wbc.Stack, plant: Any, duration: float) -> Any:
-    from wbc.sim.simulate import simulate
-
     controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), dt=DT)
     run = simulate(controller, plant, duration=duration)
     assert run.meta["ended"] == "complete"
@@ -70,41 +71,28 @@ def simulated(robot: PinocchioModel, stack: wbc.Stack, plant: Any, duration: flo
 
 @pytest.mark.parametrize("file", LEGGED)
 def test_it_lifts_a_foot(file: str):
-    pytest.importorskip("mujoco", reason="the extra `sim`")
-    from wbc.sim.mujoco_ import MujocoPlant
 
     robot = example(file)
     contacts = feet(robot, kp=0.0, kd=20.0)
     plant = MujocoPlant(robot, contacts=feet(robot, friction_share=1.0), dt=DT)
     plant.reset(plant.settled(robot.q0))
-    state, base = robot.state(), robot.frame_names[0]
-    state.update(0.0, plant.q, plant.v)
+    state, base = at(robot, plant.q, plant.v), robot.frame_names[0]
     lifted, *others = robot.feet
     foot = state.frame(lifted).position.copy()
     over = np.mean([state.frame(name).position for name in others], axis=0)
     share = 0.6 if len(others) > 1 else 0.8
     com, up = state.com.copy(), foot + np.array([0.0, 0.0, 0.04])
     aside = [*(share * over + (1.0 - share) * com)[:2], com[2]]
-    stack = wbc.Stack(
-        [
-            CenterOfMass(target=MinimumJerk(com, aside, duration=0.8, start_time=0.1)),
-            Orientation(base, target=state.frame(base).rotation.copy()),
-            Position(
-                lifted,
-                target=Piecewise(
-                    [
-                        (1.0, MinimumJerk(foot, up, duration=0.3, start_time=1.0)),
-                        (1.3, MinimumJerk(up, foot, duration=0.3, start_time=1.3)),
-                    ]
-                ),
-                weight=10.0,
-            ),
-            Posture(robot.q0, weight=1e-4),
-        ],
-        contacts=contacts,
-        subject_to=[TorqueLimits(), JointVelocityLimits()],
-        components=[ContactSchedule([(0.0, [lifted, *others]), (1.0, others), (1.6, [lifted, *others])])],
-    )
+    lift = (MinimumJerk(*ends, duration=0.3, start_time=t) for ends, t in (((foot, up), 1.0), ((up, foot), 1.3)))
+    tasks = [
+        CenterOfMass(target=MinimumJerk(com, aside, duration=0.8, start_time=0.1)),
+        Orientation(base, target=state.frame(base).rotation.copy()),
+        Position(lifted, target=Piecewise(list(zip((1.0, 1.3), lift, strict=True))), weight=10.0),
+        Posture(robot.q0, weight=1e-4),
+    ]
+    schedule = ContactSchedule([(0.0, [lifted, *others]), (1.0, others), (1.6, [lifted, *others])])
+    limits = [TorqueLimits(), JointVelocityLimits()]
+    stack = wbc.Stack(tasks, contacts=contacts, subject_to=limits, components=[schedule])
     run = simulated(robot, stack, plant, 2.0)
     name = next(contact.name for contact in contacts if contact.frame == lifted)
     load = run.columns[f"f.{name}"][:, 2]
@@ -114,10 +102,6 @@ def test_it_lifts_a_foot(file: str):
 
 
 def test_nobody_holds_bolt_on_two_points_and_commands_stay_finite():
-    pytest.importorskip("mujoco", reason="the extra `sim`")
-    from wbc.sim.mujoco_ import MujocoPlant
-    from wbc.sim.simulate import simulate
-
     robot = example("bolt_description/robots/bolt.urdf")
     stack = wbc.Stack(
         [CenterOfMass(target=robot.state().com.copy(), kp=100), Posture(robot.q0, weight=1e-3)],
@@ -131,23 +115,20 @@ def test_nobody_holds_bolt_on_two_points_and_commands_stay_finite():
 
 @pytest.mark.parametrize("file", HANDS)
 def test_its_hands_draw_circles(file: str):
-    pytest.importorskip("mujoco", reason="the extra `sim`")
-    from wbc.sim.mujoco_ import MujocoPlant
 
     frames, pose, base = HANDS[file]
     robot = quietly(example_robots() / "robots" / file, base=base, q0=pose)
     state = robot.state()
     radius = 0.01 if "allegro" in file else 0.05
-    circles = [
-        Position(
-            frame, kp=400.0,
-            target=Sinusoid(state.frame(frame).position.copy(), amplitude=[0.0, radius, radius], frequency=0.5,
-                            phase=[0.0, 0.0, np.pi / 2]),
-        )
-        for frame in frames
-    ]  # fmt: skip
+    size, phase = np.array([0.0, radius, radius]), [0.0, 0.0, np.pi / 2]
+
+    def circle(frame: str) -> Position:
+        middle = state.frame(frame).position.copy()
+        return Position(frame, kp=400.0, target=Sinusoid(middle, amplitude=size, frequency=0.5, phase=phase))
+
+    circles = [circle(frame) for frame in frames]
     stack = wbc.Stack([*circles, Posture(robot.q0, weight=1e-5)], subject_to=[JointLimits()])
     plant = MujocoPlant(robot, dt=DT)
     run = simulated(robot, stack, plant, 3.0)
-    for circle in circles:
-        assert np.linalg.norm(run[f"error.{circle.name}"], axis=1)[1000:].max() < 0.1 * radius
+    for drawn in circles:
+        assert np.linalg.norm(run[f"error.{drawn.name}"], axis=1)[1000:].max() < 0.1 * radius

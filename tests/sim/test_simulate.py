@@ -17,6 +17,7 @@ from wbc.qp import QP
 from wbc.qp.conflict import conflict
 from wbc.report import save_report
 from wbc.sim.disturbance import Delay, Push, SensorNoise
+from wbc.sim.joining import guests, joined
 from wbc.sim.plant import IntegratorPlant, Plant
 from wbc.sim.simulate import Interrupted, NoAnswer, simulate
 from wbc.stack.component import Component
@@ -43,17 +44,20 @@ class Counter(Component):
 
 
 def reaching(level=None, **settings):
-    stack = Stack(
-        [Position("tool", target=TARGET, kp=100.0), Posture(ARM.q0, weight=1e-4)],
-        subject_to=[JointVelocityLimits()],
-        components=[Counter()],
-    )
+    tasks = [Position("tool", target=TARGET, kp=100.0), Posture(ARM.q0, weight=1e-4)]
+    stack = Stack(tasks, subject_to=[JointVelocityLimits()], components=[Counter()])
     return Controller(ARM, stack, level=level or VelocityLevel(), **settings)
 
 
+def run_for(duration, controller=None, plant=None, **more):
+    """A run of an arm that follows velocities."""
+    return simulate(
+        controller or reaching(), plant or IntegratorPlant(ARM, level="velocity"), duration=duration, **more
+    )
+
+
 def test_a_reach_is_recorded_column_by_column():
-    plant = IntegratorPlant(ARM, level="velocity")
-    run = simulate(reaching(), plant, duration=1.5, meta={"scenario": "reach", "parameters": {"x": 1}})
+    run = run_for(1.5, meta={"scenario": "reach", "parameters": {"x": 1}})
     assert run.rows == 1500 and run.meta["ended"] == "complete"
     assert run.meta["scenario"] == "reach"
     np.testing.assert_allclose(run["t"], 1e-3 * np.arange(1500), atol=1e-12)
@@ -73,23 +77,20 @@ def test_a_reach_is_recorded_column_by_column():
 
 
 def test_what_a_level_does_not_decide_is_no_column():
-    velocity = simulate(reaching(), IntegratorPlant(ARM, level="velocity"), duration=0.01)
-    acceleration = simulate(reaching(AccelerationLevel()), IntegratorPlant(ARM), duration=0.01)
+    velocity, acceleration = run_for(0.01), run_for(0.01, reaching(AccelerationLevel()), IntegratorPlant(ARM))
     assert not {"a", "tau"} & set(velocity)
     assert "a" in acceleration and "tau" not in acceleration
 
 
 def test_the_plant_of_the_next_row_is_where_the_command_led():
-    run = simulate(reaching(), IntegratorPlant(ARM, level="velocity"), duration=0.05)
+    run = run_for(0.05)
     np.testing.assert_allclose(run["plant.q"][1:], run["plant.q"][:-1] + 1e-3 * run["v_cmd"][:-1], atol=1e-12)
     np.testing.assert_array_equal(run["q"], run["plant.q"])
 
 
 def test_the_same_seed_gives_the_same_run_to_the_bit():
     def once(seed):
-        noise = SensorNoise(position=1e-3, velocity=1e-2, seed=seed)
-        plant = IntegratorPlant(ARM, level="velocity")
-        return simulate(reaching(), plant, duration=0.1, disturbances=[noise, Delay(0.003)])
+        return run_for(0.1, disturbances=[SensorNoise(position=1e-3, velocity=1e-2, seed=seed), Delay(0.003)])
 
     first, second, third = once(1), once(1), once(2)
     for name in set(first) - {"tick_us"}:
@@ -100,8 +101,7 @@ def test_the_same_seed_gives_the_same_run_to_the_bit():
 
 
 def test_a_delay_is_seen_in_what_the_plant_does():
-    plant = IntegratorPlant(ARM, level="velocity")
-    run = simulate(reaching(), plant, duration=0.05, disturbances=[Delay(0.004)])
+    run = run_for(0.05, disturbances=[Delay(0.004)])
     moved = np.diff(run["plant.q"], axis=0) * 1e3
     np.testing.assert_allclose(moved[4:], run["v_cmd"][:-5], atol=1e-9)
     np.testing.assert_allclose(moved[:4], np.tile(run["v_cmd"][0], (4, 1)), atol=1e-9)
@@ -116,8 +116,7 @@ def test_a_plan_of_the_caller_runs_before_each_tick_and_progress_is_told():
         if t >= 0.01:
             task.target = np.add(TARGET, [0.0, 0.0, 0.1])
 
-    plant = IntegratorPlant(ARM, level="velocity")
-    run = simulate(controller, plant, duration=0.02, before_tick=before, progress=shares.append)
+    run = run_for(0.02, controller, before_tick=before, progress=shares.append)
     np.testing.assert_array_equal(times, run["t"])
     jump = np.abs(np.diff(run["error.Position[tool]"][:, 2]))
     assert jump.argmax() == 9 and jump.max() > 0.09
@@ -125,10 +124,10 @@ def test_a_plan_of_the_caller_runs_before_each_tick_and_progress_is_told():
 
 
 def test_a_stack_that_is_replaced_goes_on_in_the_columns_of_the_first(tmp_path):
-    control, plant = reaching(), IntegratorPlant(ARM, level="velocity")
+    control = reaching()
     reach = Position("tool", target=TARGET[:2], axes="xy", kp=100.0)
     other = Stack([reach, Damping(weight=0.1)], subject_to=[JointVelocityLimits()])
-    run = simulate(control, plant, duration=0.1, before_tick=lambda t: control.replace(other) if t == 0.05 else None)
+    run = run_for(0.1, control, before_tick=lambda t: control.replace(other) if t == 0.05 else None)
     assert run.meta["ended"] == "complete" and not run["status"].any()
     for name in ("error.Posture", "error.Position[tool]", "signal.Counter.count"):
         assert (np.isfinite(run[name]).reshape(100, -1).all(axis=1) == (np.arange(100) < 50)).all(), name
@@ -138,14 +137,14 @@ def test_a_stack_that_is_replaced_goes_on_in_the_columns_of_the_first(tmp_path):
 
 def test_controller_starts_anew_and_the_plant_goes_on():
     controller, plant = reaching(), IntegratorPlant(ARM, level="velocity")
-    simulate(controller, plant, duration=0.02)
-    run = simulate(controller, plant, duration=0.02)
+    run_for(0.02, controller, plant)
+    run = run_for(0.02, controller, plant)
     assert run["t"][0] == pytest.approx(0.02)
     assert run["signal.Counter.count"][0] == 1
 
 
 def test_a_short_record_keeps_only_time_status_and_duration():
-    run = simulate(reaching(), IntegratorPlant(ARM, level="velocity"), duration=0.02, recorder=False)
+    run = run_for(0.02, recorder=False)
     assert set(run) == {"t", "status", "tick_us"} and run.rows == 20
 
 
@@ -167,13 +166,12 @@ class Breaking(Plant):
 def test_physics_that_breaks_down_ends_the_run_with_a_reason():
     plant = Breaking(ARM, 1e-3)
     plant.reset(ARM.q0)
-    run = simulate(reaching(), plant, duration=0.02)
-    assert run.meta["ended"] == "the gears are gone"
-    assert run.rows == 4
+    run = run_for(0.02, plant=plant)
+    assert run.meta["ended"] == "the gears are gone" and run.rows == 4
 
 
 def test_a_run_survives_the_disk(tmp_path):
-    run = simulate(reaching(), IntegratorPlant(ARM, level="velocity"), duration=0.02)
+    run = run_for(0.02)
     loaded = Run.load(run.save(tmp_path / "out"))
     for name, values in run.items():
         np.testing.assert_array_equal(loaded[name], values)
@@ -199,7 +197,7 @@ def test_a_run_without_a_solved_tick_is_warned_about(waits):
     controller = Controller(ARM, stack, level=VelocityLevel())
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
-        run = simulate(controller, IntegratorPlant(ARM, level="velocity"), duration=5e-3)
+        run = run_for(5e-3, controller)
     told = [str(one.message) for one in said if one.category is NoAnswer]
     assert len(told) == (not waits) and run.meta["failure"] is not None
     assert all("'Positon[tool]'" in one and "no tick of this run was solved" in one for one in told)
@@ -210,10 +208,9 @@ def test_linear_algebra_has_one_thread_while_it_runs_and_its_threads_back_after(
         return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
 
     during = set()
-    plant = IntegratorPlant(ARM, level="velocity")
     with threadpool_limits(2):
         before = threads()
-        simulate(reaching(), plant, duration=0.002, before_tick=lambda t: during.update(threads()))
+        run_for(0.002, before_tick=lambda t: during.update(threads()))
         assert threads() == before
     assert during == {1}
 
@@ -256,12 +253,8 @@ class TestStanding:
             assert np.abs(commanded - true).max() < 0.02 * LEGS.mass * 9.81
 
     def test_a_push_too_strong_ends_the_run_as_fallen(self, plant, stander):
-        run = simulate(
-            stander(LEGS),
-            plant,
-            duration=3.0,
-            disturbances=[Push("trunk", (0.0, 400.0, 0.0), start=0.05, duration=0.3)],
-        )
+        push = Push("trunk", (0.0, 400.0, 0.0), start=0.05, duration=0.3)
+        run = simulate(stander(LEGS), plant, duration=3.0, disturbances=[push])
         assert run.meta["fallen"] and run.meta["ended"].startswith("fallen at t = ")
         assert run.rows < 3000
 
@@ -274,9 +267,7 @@ class TestStanding:
 
 def test_the_first_tick_without_an_answer_is_explained_and_its_problem_kept(tmp_path):
     there = ARM.state().frame("tool").position.copy()
-    high = Position(
-        "tool", target=lambda t: there if t < 0.005 else there + np.array([0.0, 0.0, 50.0]), kp=1e4, name="high"
-    )
+    high = Position("tool", target=lambda t: there + 50.0 * (t >= 0.005) * np.eye(3)[2], kp=1e4, name="high")
     stack = Stack([Posture(ARM.q0)], subject_to=[high.exactly(), TorqueLimits()])
     control = Controller(ARM, stack, level=InverseDynamics())
     run = simulate(control, IntegratorPlant(ARM, level="acceleration"), duration=0.01)
@@ -289,28 +280,47 @@ def test_the_first_tick_without_an_answer_is_explained_and_its_problem_kept(tmp_
     assert good.meta["failure"] is None and good.failed is None
 
 
-def test_ctrl_c_hands_over_the_ticks_so_far():
-    robot = load("arm")
-    controller = Controller(robot, Stack([Posture(robot.q0)]), level=VelocityLevel())
-
+@pytest.mark.parametrize(("when", "rows"), [(0.0045, 5), (-1.0, 0)])
+def test_ctrl_c_hands_over_the_ticks_so_far(when, rows):
     def stop(t: float) -> None:
-        if t > 0.0045:
+        if t > when:
             raise KeyboardInterrupt
 
-    with pytest.raises(Interrupted) as caught:
-        simulate(controller, IntegratorPlant(robot, level="velocity"), duration=1.0, before_tick=stop)
-    run = caught.value.run
-    assert run.rows == 5 and run.meta["ended"] == str(caught.value) == "interrupted at t = 0.005 s"
-    assert caught.value.robot is robot and isinstance(caught.value, KeyboardInterrupt)
-
-
-def test_ctrl_c_before_the_first_tick_has_nothing_to_hand_over():
-    robot = load("arm")
-    controller = Controller(robot, Stack([Posture(robot.q0)]), level=VelocityLevel())
-
-    def stop(t: float) -> None:
-        raise KeyboardInterrupt
-
     with pytest.raises(KeyboardInterrupt) as caught:
-        simulate(controller, IntegratorPlant(robot, level="velocity"), duration=1.0, before_tick=stop)
-    assert not isinstance(caught.value, Interrupted)
+        run_for(1.0, before_tick=stop)
+    if not rows:
+        assert not isinstance(caught.value, Interrupted)
+        return
+    run = caught.value.run
+    assert run.rows == rows and run.meta["ended"] == str(caught.value) == "interrupted at t = 0.005 s"
+    assert caught.value.robot is ARM and isinstance(caught.value, Interrupted)
+
+
+# ---- who joins a simulation
+def resting() -> Run:
+    return run_for(0.02, Controller(ARM, Stack([Posture(ARM.q0 + 0.1)]), level=VelocityLevel()))
+
+
+def test_a_watcher_sees_every_tick_with_its_answer():
+    seen = []
+    with joined(lambda tick, ticks, controller: seen.append((tick, ticks, controller.qp.cost(controller.last.v)))):
+        run = resting()
+    assert [(tick, ticks) for tick, ticks, _ in seen] == [(k, 20) for k in range(20)]
+    assert np.isfinite([cost for *_, cost in seen]).all()
+    assert all(np.array_equal(run[name], resting()[name]) for name in ("q", "v_cmd", "status"))
+
+
+def test_a_disturbance_that_is_brought_along_acts_and_is_named_in_the_record():
+    quiet = resting()
+    with joined(disturbances=[SensorNoise(position=1e-3, seed=7)]):
+        noisy = resting()
+    assert quiet.meta["disturbances"] == [] and len(noisy.meta["disturbances"]) == 1
+    assert noisy.meta["seed"] == 7
+    assert not np.array_equal(quiet["v_cmd"], noisy["v_cmd"])
+
+
+def test_after_the_block_nobody_is_there():
+    with pytest.raises(ZeroDivisionError), joined(), joined():
+        assert len(guests()) == 2
+        raise ZeroDivisionError
+    assert guests() == ()
