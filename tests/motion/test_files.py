@@ -69,6 +69,17 @@ def as_bvh(motion: Motion) -> str:
     return f"{header}\nMOTION\nFrames: {motion.frames}\nFrame Time: {1 / motion.rate!r}\n{lines}\n"
 
 
+def as_table(motion: Motion) -> tuple[list[str], list[list[float]]]:
+    """The heading and the rows of a motion in columns."""
+    heads = ["time", *(f"{part}.{axis}" for part, axis in product(motion.positions, "xyz"))]
+    return heads, np.column_stack([motion.times, *motion.positions.values()]).tolist()
+
+
+def as_csv(heads: list[str], rows: list[list[float]], gap: str = "\n") -> str:
+    """Columns as text."""
+    return gap.join(",".join(map(str, row)) for row in (heads, *rows))
+
+
 def test_a_joint_is_placed_by_the_turns_of_those_above_it(tmp_path: Path):
     from wbc.motion.bvh import read_bvh
 
@@ -84,14 +95,15 @@ def test_a_joint_is_placed_by_the_turns_of_those_above_it(tmp_path: Path):
     np.testing.assert_allclose(rotations["Spine"][1], up @ [[0, 0, 1], [1, 0, 0], [0, 1, 0]], atol=1e-12)
 
 
-@pytest.mark.parametrize("name", ["walk", "dance"])
-def test_what_is_written_is_read(name: str, tmp_path: Path):
+@pytest.mark.parametrize(
+    ("name", "encoding", "gap"), [("walk", "utf-8", "\n"), ("dance", "utf-8", "\n"), ("squat", "utf-8-sig", "\n\n")]
+)
+def test_what_is_written_is_read(name: str, encoding: str, gap: str, tmp_path: Path):
+    """Also behind a mark at the start, and between empty lines."""
     motion = made(name, seed=2)
     motion.save(tmp_path / "m.npz")
-    (tmp_path / "m.bvh").write_text(as_bvh(motion))
-    heads = [f"{part}.{axis}" for part, axis in product(motion.positions, "xyz")]
-    table = np.column_stack([motion.times, *motion.positions.values()])
-    np.savetxt(tmp_path / "m.csv", table, delimiter=",", header=",".join(["time", *heads]), comments="")
+    (tmp_path / "m.bvh").write_text(as_bvh(motion), encoding)
+    (tmp_path / "m.csv").write_text(as_csv(*as_table(motion), gap) + gap, encoding)
     for path in sorted(tmp_path.iterdir()):
         read = Motion.read(path)
         assert read.rate == pytest.approx(motion.rate) and read.frames == motion.frames
@@ -110,17 +122,6 @@ def test_the_unit_of_a_file_is_told_by_the_size_of_the_body(metres: float, size:
         np.testing.assert_allclose(places, tall[part], atol=1e-9)
 
 
-def test_a_mark_at_the_start_and_empty_lines_are_passed_over(tmp_path: Path):
-    motion = made("squat")
-    heads = [f"{part}.{axis}" for part, axis in product(motion.positions, "xyz")]
-    table = np.column_stack([motion.times, *motion.positions.values()])
-    rows = "\n\n".join(",".join(map(repr, row)) for row in table.tolist())
-    (tmp_path / "m.csv").write_text(f"{','.join(['time', *heads])}\n{rows}\n\n", encoding="utf-8-sig")
-    (tmp_path / "m.bvh").write_text(as_bvh(motion), encoding="utf-8-sig")
-    for path in sorted(tmp_path.iterdir()):
-        assert Motion.read(path).frames == motion.frames
-
-
 def test_two_columns_of_one_name_are_refused(tmp_path: Path):
     motion = made("squat")
     names = ["left_hip", *motion.positions]
@@ -137,12 +138,9 @@ def test_a_row_that_is_no_row_of_the_heading_is_refused_by_its_line(
     cut: Callable[[list[float]], list[float]], tmp_path: Path
 ):
     """Rows of half the length would be one row in two, though every number is read."""
-    motion = made("squat")
-    heads = ["time", *(f"{part}.{axis}" for part, axis in product(motion.positions, "xyz"))]
-    rows = np.column_stack([motion.times, *motion.positions.values()]).tolist()
+    heads, rows = as_table(made("squat"))
     for spoilt_rows, line in (([*rows[:7], cut(rows[7]), *rows[8:]], 9), ([cut(row) for row in rows], 2)):
-        text = "\n".join(",".join(map(str, row)) for row in [heads, *spoilt_rows])
-        (tmp_path / "m.csv").write_text(text)
+        (tmp_path / "m.csv").write_text(as_csv(heads, spoilt_rows))
         with pytest.raises(InvalidInput, match=f"line {line} has {len(cut(rows[0]))} cells, the heading {len(heads)}"):
             Motion.read(tmp_path / "m.csv")
 
@@ -159,13 +157,10 @@ def test_rotations_and_contacts_are_kept(tmp_path: Path):
 
 def test_motions_that_make_no_sense_are_refused():
     motion = made("squat")
-    for about, wrong in {
-        "positions": (60.0, None),
-        "rotations": (60.0, motion.positions, None),
-        "contacts": (60.0, motion.positions, {}, 1),
-    }.items():
+    for about, wrong in (("positions", [None]), ("rotations", [motion.positions, None]),
+                         ("contacts", [motion.positions, {}, 1])):  # fmt: skip
         with pytest.raises(InvalidInput, match=f"{about} is"):
-            Motion(*wrong)
+            Motion(60.0, *wrong)
     for moments in ([0.0, 1.0, motion.frames], [-1.0, 0.0, 1.0], [[0.0]], [0.0, np.nan, 1.0]):
         with pytest.raises(InvalidInput, match="moments"):
             motion.at(moments)
@@ -213,13 +208,8 @@ def test_any_bytes_are_read_or_refused(content: bytes):
 
 
 def test_other_files_are_refused(tmp_path: Path):
-    for name, content in {
-        "a.txt": b"",
-        "b.npz": b"no",
-        "c.csv": b"time,x\n1,2",
-        "d.csv": b"\xff",
-        "e.bvh": b"\xff",
-    }.items():
+    bad = {"a.txt": b"", "b.npz": b"no", "c.csv": b"time,x\n1,2", "d.csv": b"\xff", "e.bvh": b"\xff"}
+    for name, content in bad.items():
         (tmp_path / name).write_bytes(content)
         with pytest.raises(InvalidInput, match=name):
             Motion.read(tmp_path / name)
