@@ -41,15 +41,9 @@ def bump(n: int, rise: int) -> np.ndarray:
 
 def inject(kind: str, found: Retargeted, rng: np.random.Generator) -> Artefact | None:
     """An artefact of a kind somewhere in a motion; None where the draw does not fit."""
-    match kind:
-        case "slip" | "penetration":
-            return _foot(kind, found, rng)
-        case "jump":
-            return _jump(found, rng)
-        case "speed":
-            return _fast(found, rng)
-        case _:
-            return _outside(found, rng)
+    if kind in ("slip", "penetration"):
+        return _foot(kind, found, rng)
+    return {"jump": _jump, "speed": _fast, "centre of pressure": _outside}[kind](found, rng)
 
 
 def _foot(kind: str, found: Retargeted, rng: np.random.Generator) -> Artefact | None:
@@ -59,9 +53,8 @@ def _foot(kind: str, found: Retargeted, rng: np.random.Generator) -> Artefact | 
     n = int(rng.integers(24, (last - first) // 2))
     start = int(rng.integers(first, last - n))
     angle = rng.uniform(0.0, 2.0 * np.pi)
-    along = (
-        np.array([0.0, 0.0, -DEPTH]) if kind == "penetration" else SLIP * np.array([np.cos(angle), np.sin(angle), 0.0])
-    )
+    along = SLIP * np.array([np.cos(angle), np.sin(angle), 0.0])
+    along = np.array([0.0, 0.0, -DEPTH]) if kind == "penetration" else along
     q, frame = found.q.copy(), found.contacts[part].frame
     for k, share in enumerate(bump(n, 8), start=start):
         moved = _moved(found, q[k], {frame: share * along}, [found.robot.pinocchio.getFrameId(frame)])
@@ -206,13 +199,10 @@ MOTIONS = ("squat", "reach", "dance", "turn", "walk")
 
 def _tell(tally: Count, found: Retargeted, artefact: Artefact) -> None:
     verdicts = Witness(found.robot, found.contacts).judge(artefact.q, found.rate, found.holds)
-    window = range(artefact.start - 1, artefact.stop + 1)
-    new = [
-        fault
-        for k in window
-        for fault in verdicts[k].faults[:1]
-        if fault[:2] not in {one[:2] for one in found.verdicts[k].faults}
-    ]
+    new = []
+    for k in range(artefact.start - 1, artefact.stop + 1):
+        known = {fault[:2] for fault in found.verdicts[k].faults}
+        new += [fault for fault in verdicts[k].faults[:1] if fault[:2] not in known]
     tally.tried += 1
     tally.found += bool(new)
     first = min(new, key=lambda fault: wbc.motion.witness.KINDS.index(fault.kind), default=None)

@@ -56,18 +56,15 @@ def played(found: Retargeted) -> Played:
     state, rest = robot.state(), np.zeros(robot.nv)
     frames = {part: found.contacts[part].frame for part in ("left_foot", "right_foot")}
     chest = found.table.followers["chest"].frame
-    com, places, turned = [], {f: [] for f in frames.values()}, {f: [] for f in (*frames.values(), chest)}
+    poses = placed(robot, found.q, {frame: frame for frame in (*frames.values(), chest)})
+    com = []
     for q in found.q:
         state.update(0.0, q, rest)
         com.append(state.com.copy())
-        for frame, rows in places.items():
-            rows.append(state.frame(frame).position.copy())
-        for frame, rows in turned.items():
-            rows.append(state.frame(frame).rotation.copy())
     tasks = [
         CenterOfMass(target=_points(times, com), kp=100),
-        Orientation(chest, target=_turns(times, turned[chest]), kp=100),
-        *(Frame(f, target=_poses(times, places[f], turned[f]), kp=100, weight=10.0) for f in frames.values()),
+        Orientation(chest, target=_turns(times, poses[chest][1]), kp=100),
+        *(Frame(f, target=_poses(times, *poses[f]), kp=100, weight=10.0) for f in frames.values()),
         Posture(_points(times, found.q[:, 7:]), kp=100, weight=1e-2),
     ]
     contacts = feet(robot, kp=0.0, kd=20.0)

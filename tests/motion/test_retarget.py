@@ -7,9 +7,11 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+import pinocchio
 import pytest
 
 import wbc
+from tests.models.builders import joint, link, origin
 from tests.robots.examples import needs_examples
 from wbc.errors import InvalidInput, UnknownMapping, UnknownName
 from wbc.models.along import velocities
@@ -28,8 +30,6 @@ def retargeted(name: str, robot: str = "humanoid") -> Retargeted:
 
 def soles(found: Retargeted, part: str) -> np.ndarray:
     """Position and rotation (N, 12) of a foot, by Pinocchio's own kinematics."""
-    import pinocchio
-
     model = found.robot.pinocchio
     data, frame = model.createData(), model.getFrameId(found.contacts[part].frame)
     rows = []
@@ -92,10 +92,6 @@ AXES = {
     "pelvis": (0.0, 0.0, 3.0), "torso": (0.3, 1.2, -2.0), "head": (3.0, 0.0, 0.0), "left_sole": (0.0, 0.0, np.pi / 2),
     "right_sole": (0.0, 0.0, np.pi),
 }  # fmt: skip
-TURNED = (
-    '<link name="{0}_cad"/><joint name="{0}_axes" type="fixed"><parent link="{0}"/><child link="{0}_cad"/>'
-    '<origin xyz="0 0 0" rpy="{1} {2} {3}"/></joint>'
-)
 
 
 @pytest.mark.parametrize("heading", [0.0, 2.4])
@@ -103,7 +99,10 @@ TURNED = (
 def test_the_axes_of_a_robots_frames_do_not_matter(name: str, heading: float, tmp_path: Path):
     plain = retargeted(name)
     text = (OWN_ROBOTS / "humanoid.urdf").read_text(encoding="utf-8")
-    turned = "".join(TURNED.format(frame, *angles) for frame, angles in AXES.items())
+    turned = "".join(
+        link(f"{frame}_cad") + joint(f"{frame}_axes", frame, f"{frame}_cad", "fixed", origin(rpy=angles))
+        for frame, angles in AXES.items()
+    )
     (tmp_path / "cad.urdf").write_text(text.replace("</robot>", f"{turned}</robot>"), encoding="utf-8")
     left, right = (plain.robot.feet[sole] for sole in ("left_sole", "right_sole"))
     assert left.half_size is not None
