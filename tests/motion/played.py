@@ -19,23 +19,13 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
 import wbc
+from wbc import tasks
 from wbc.models.along import placed
 from wbc.motion import Retargeted, made
 from wbc.motion.made import MOTIONS
 from wbc.report.measure import spans
 from wbc.sim.mujoco_ import MujocoPlant
 from wbc.sim.simulate import simulate
-from wbc.tasks import (
-    CenterOfMass,
-    ContactSchedule,
-    Frame,
-    JointPositionLimits,
-    JointVelocityLimits,
-    Orientation,
-    Posture,
-    TorqueLimits,
-    feet,
-)
 
 #: Physics has the whole friction of the feet; the motion was judged with 0.8 of it.
 BEFORE = 0.3
@@ -61,17 +51,16 @@ def played(found: Retargeted) -> Played:
     for q in found.q:
         state.update(0.0, q, rest)
         com.append(state.com.copy())
-    tasks = [
-        CenterOfMass(target=_points(times, com), kp=100),
-        Orientation(chest, target=_turns(times, poses[chest][1]), kp=100),
-        *(Frame(f, target=_poses(times, *poses[f]), kp=100, weight=10.0) for f in frames.values()),
-        Posture(_points(times, found.q[:, 7:]), kp=100, weight=1e-2),
+    goals = [
+        tasks.CenterOfMass(target=_points(times, com), kp=100),
+        tasks.Orientation(chest, target=_turns(times, poses[chest][1]), kp=100),
+        *(tasks.Frame(f, target=_poses(times, *poses[f]), kp=100, weight=10.0) for f in frames.values()),
+        tasks.Posture(_points(times, found.q[:, 7:]), kp=100, weight=1e-2),
     ]
-    contacts = feet(robot, kp=0.0, kd=20.0)
-    stack = wbc.Stack(
-        tasks, contacts=contacts, subject_to=[TorqueLimits(), JointVelocityLimits(), JointPositionLimits()],
-        components=[ContactSchedule(_timeline(found))],
-    )  # fmt: skip
+    contacts = tasks.feet(robot, kp=0.0, kd=20.0)
+    limits = [tasks.TorqueLimits(), tasks.JointVelocityLimits(), tasks.JointPositionLimits()]
+    schedule = tasks.ContactSchedule(_timeline(found))
+    stack = wbc.Stack(goals, contacts=contacts, subject_to=limits, components=[schedule])
     controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), dt=1e-3)
     plant = MujocoPlant(robot, contacts=contacts, friction=max(foot.friction for foot in robot.feet.values()))
     plant.reset(plant.settled(plant.on_floor(found.q[0])))

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tasks import Point
+from tests.sim.builders import standing
 from wbc.errors import InvalidInput, ModelError, SimulationError, UnknownFrame
 from wbc.models import load
 from wbc.models.catalogue import example_robots
@@ -122,7 +123,7 @@ def test_nine_in_ten_of_the_example_robots_have_a_plant():
     assert all(any(known in reason for known in reasons) for reason in without.values()), without
 
 
-def test_arguments_are_checked_by_name(standing):
+def test_arguments_are_checked_by_name():
     with pytest.raises(InvalidInput, match=r"needs one that wbc\.load made from a URDF"):
         MujocoPlant(object())
     with pytest.raises(InvalidInput, match="sole_geometry is 'disc'"):

@@ -7,21 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+import tasks
 import wbc
-from tasks import (
-    CenterOfMass,
-    ContactSchedule,
-    JointLimits,
-    JointVelocityLimits,
-    MinimumJerk,
-    Orientation,
-    Piecewise,
-    Position,
-    Posture,
-    Sinusoid,
-    TorqueLimits,
-    feet,
-)
 from tests.models.builders import at, quietly
 from tests.models.test_standing_by_path import example
 from tests.robots.examples import needs_examples
@@ -71,10 +58,9 @@ def simulated(robot: PinocchioModel, stack: wbc.Stack, plant: Any, duration: flo
 
 @pytest.mark.parametrize("file", LEGGED)
 def test_it_lifts_a_foot(file: str):
-
     robot = example(file)
-    contacts = feet(robot, kp=0.0, kd=20.0)
-    plant = MujocoPlant(robot, contacts=feet(robot, friction_share=1.0), dt=DT)
+    contacts = tasks.feet(robot, kp=0.0, kd=20.0)
+    plant = MujocoPlant(robot, contacts=tasks.feet(robot, friction_share=1.0), dt=DT)
     plant.reset(plant.settled(robot.q0))
     state, base = at(robot, plant.q, plant.v), robot.frame_names[0]
     lifted, *others = robot.feet
@@ -83,16 +69,16 @@ def test_it_lifts_a_foot(file: str):
     share = 0.6 if len(others) > 1 else 0.8
     com, up = state.com.copy(), foot + np.array([0.0, 0.0, 0.04])
     aside = [*(share * over + (1.0 - share) * com)[:2], com[2]]
-    lift = (MinimumJerk(*ends, duration=0.3, start_time=t) for ends, t in (((foot, up), 1.0), ((up, foot), 1.3)))
-    tasks = [
-        CenterOfMass(target=MinimumJerk(com, aside, duration=0.8, start_time=0.1)),
-        Orientation(base, target=state.frame(base).rotation.copy()),
-        Position(lifted, target=Piecewise(list(zip((1.0, 1.3), lift, strict=True))), weight=10.0),
-        Posture(robot.q0, weight=1e-4),
+    lift = (tasks.MinimumJerk(*ends, duration=0.3, start_time=t) for ends, t in (((foot, up), 1.0), ((up, foot), 1.3)))
+    goals = [
+        tasks.CenterOfMass(target=tasks.MinimumJerk(com, aside, duration=0.8, start_time=0.1)),
+        tasks.Orientation(base, target=state.frame(base).rotation.copy()),
+        tasks.Position(lifted, target=tasks.Piecewise(list(zip((1.0, 1.3), lift, strict=True))), weight=10.0),
+        tasks.Posture(robot.q0, weight=1e-4),
     ]
-    schedule = ContactSchedule([(0.0, [lifted, *others]), (1.0, others), (1.6, [lifted, *others])])
-    limits = [TorqueLimits(), JointVelocityLimits()]
-    stack = wbc.Stack(tasks, contacts=contacts, subject_to=limits, components=[schedule])
+    schedule = tasks.ContactSchedule([(0.0, [lifted, *others]), (1.0, others), (1.6, [lifted, *others])])
+    limits = [tasks.TorqueLimits(), tasks.JointVelocityLimits()]
+    stack = wbc.Stack(goals, contacts=contacts, subject_to=limits, components=[schedule])
     run = simulated(robot, stack, plant, 2.0)
     name = next(contact.name for contact in contacts if contact.frame == lifted)
     load = run.columns[f"f.{name}"][:, 2]
@@ -104,10 +90,10 @@ def test_it_lifts_a_foot(file: str):
 def test_nobody_holds_bolt_on_two_points_and_commands_stay_finite():
     robot = example("bolt_description/robots/bolt.urdf")
     stack = wbc.Stack(
-        [CenterOfMass(target=robot.state().com.copy(), kp=100), Posture(robot.q0, weight=1e-3)],
-        contacts=feet(robot), subject_to=[TorqueLimits()],
+        [tasks.CenterOfMass(target=robot.state().com.copy(), kp=100), tasks.Posture(robot.q0, weight=1e-3)],
+        contacts=tasks.feet(robot), subject_to=[tasks.TorqueLimits()],
     )  # fmt: skip
-    plant = MujocoPlant(robot, contacts=feet(robot, friction_share=1.0), dt=DT)
+    plant = MujocoPlant(robot, contacts=tasks.feet(robot, friction_share=1.0), dt=DT)
     run = simulate(wbc.Controller(robot, stack, level=wbc.InverseDynamics(), dt=DT), plant, duration=2.0)
     assert run.meta["ended"] != "complete" and run.rows * DT > 0.3
     assert np.isfinite(run.columns["tau"]).all()
@@ -115,19 +101,20 @@ def test_nobody_holds_bolt_on_two_points_and_commands_stay_finite():
 
 @pytest.mark.parametrize("file", HANDS)
 def test_its_hands_draw_circles(file: str):
-
     frames, pose, base = HANDS[file]
     robot = quietly(example_robots() / "robots" / file, base=base, q0=pose)
     state = robot.state()
     radius = 0.01 if "allegro" in file else 0.05
     size, phase = np.array([0.0, radius, radius]), [0.0, 0.0, np.pi / 2]
 
-    def circle(frame: str) -> Position:
+    def circle(frame: str) -> tasks.Position:
         middle = state.frame(frame).position.copy()
-        return Position(frame, kp=400.0, target=Sinusoid(middle, amplitude=size, frequency=0.5, phase=phase))
+        return tasks.Position(
+            frame, kp=400.0, target=tasks.Sinusoid(middle, amplitude=size, frequency=0.5, phase=phase)
+        )
 
     circles = [circle(frame) for frame in frames]
-    stack = wbc.Stack([*circles, Posture(robot.q0, weight=1e-5)], subject_to=[JointLimits()])
+    stack = wbc.Stack([*circles, tasks.Posture(robot.q0, weight=1e-5)], subject_to=[tasks.JointLimits()])
     plant = MujocoPlant(robot, dt=DT)
     run = simulated(robot, stack, plant, 3.0)
     for drawn in circles:

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 import wbc
 from tasks import Posture
 from tests.models.builders import at
+from tests.sim.builders import command
 from wbc.errors import UnknownFrame
 from wbc.models import Planar4P, load
 from wbc.sim.actuator_fault import ActuatorFault
@@ -58,8 +59,8 @@ def test_noise_changes_what_is_measured_and_never_the_plant():
 def test_commands_arrive_late_by_whole_steps_and_the_first_one_holds_until_then(steps, rounding):
     late = Delay(max(0.0, steps + rounding) * 1e-3).begin(IntegratorPlant(ARM, dt=1e-3))
     sent = [object() for _ in range(20)]
-    for k, command in enumerate(sent):
-        assert late.deliver(command) is sent[max(0, k - steps)]
+    for k, one in enumerate(sent):
+        assert late.deliver(one) is sent[max(0, k - steps)]
 
 
 class Notebook(Plant):
@@ -105,7 +106,7 @@ def test_a_push_of_whole_steps_has_exactly_its_impulse():
 
 
 @pytest.mark.physics
-def test_a_payload_is_picked_up_once_and_makes_a_held_arm_sink(command):
+def test_a_payload_is_picked_up_once_and_makes_a_held_arm_sink():
     pytest.importorskip("mujoco")
     from wbc.sim.mujoco_ import MujocoPlant
 

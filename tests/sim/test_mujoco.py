@@ -19,6 +19,7 @@ from tasks.scenarios.humanoid_stand import STANCES
 from tasks.scenarios.quadruped_stand import STANCES as QUADRUPED_STANCES
 from tasks.scenarios.standing import standing_stack
 from tests.models.builders import at
+from tests.sim.builders import command, stander, standing
 from wbc.errors import NotSupported, SimulationError
 from wbc.models import load
 from wbc.models.catalogue import OWN_ROBOTS
@@ -51,7 +52,7 @@ def told(truth, what):
     return [value for name, value in truth.items() if name.startswith(f"plant.{what}.")]
 
 
-def test_both_rigid_body_plants_move_an_arm_the_same_way(command):
+def test_both_rigid_body_plants_move_an_arm_the_same_way():
     plants = [
         ForwardDynamicsPlant(ARM, dt=1e-3, substeps=10),
         MujocoPlant(ARM, dt=1e-3, substeps=10, settings=PhysicsSettings(integrator="euler", joint_stops=False)),
@@ -66,7 +67,7 @@ def test_both_rigid_body_plants_move_an_arm_the_same_way(command):
     assert plants[1].t == plants[0].t
 
 
-def test_a_push_in_free_flight_changes_the_momentum_by_its_impulse(command):
+def test_a_push_in_free_flight_changes_the_momentum_by_its_impulse():
     plant = MujocoPlant(QUADRUPED, floor=-100.0)
     force = np.array([5.0, -20.0, 30.0])
     for _ in range(100):
@@ -82,7 +83,7 @@ def test_a_push_in_free_flight_changes_the_momentum_by_its_impulse(command):
 @pytest.mark.parametrize(
     ("sole_geometry", "dt", "substeps"), [("box", 1e-3, 1), ("spheres", 1e-3, 1), ("box", 2e-3, 4)]
 )
-def test_the_feet_carry_the_weight(model, sole_geometry, dt, substeps, standing, stander):
+def test_the_feet_carry_the_weight(model, sole_geometry, dt, substeps):
     """Wrenches are means over the substeps."""
     plant = MujocoPlant(model, contacts=standing(model), sole_geometry=sole_geometry, dt=dt, substeps=substeps)
     plant.reset(plant.on_floor(model.q0))
@@ -94,7 +95,7 @@ def test_the_feet_carry_the_weight(model, sole_geometry, dt, substeps, standing,
     assert np.linalg.norm(told(truth, "slip"), axis=1).max() < 1e-3
 
 
-def test_the_moment_of_a_sole_says_where_the_robot_stands(standing, stander):
+def test_the_moment_of_a_sole_says_where_the_robot_stands():
     """CoP = (−m_y, m_x) / f_z of each sole, and together below the centre of mass of a robot at rest."""
     contacts = standing(HUMANOID)
     plant = MujocoPlant(HUMANOID, contacts=contacts)
@@ -131,7 +132,7 @@ def moved_feet(model, q):
     return np.array([np.subtract(*(state.frame(name).position for state in states)) for name in model.feet])
 
 
-def test_soles_that_slide_over_ice_slip_as_far_as_they_move(standing, stander):
+def test_soles_that_slide_over_ice_slip_as_far_as_they_move():
     plant, v = MujocoPlant(HUMANOID, contacts=standing(HUMANOID), friction=1e-4), np.zeros(HUMANOID.nv)
     v[:2] = 0.3, -0.4
     plant.reset(HUMANOID.q0, v)
@@ -143,7 +144,7 @@ def test_soles_that_slide_over_ice_slip_as_far_as_they_move(standing, stander):
     np.testing.assert_allclose(told(plant.truth(), "slip"), moved[:, :2], atol=1e-3)
 
 
-def test_a_ball_that_rolls_does_not_slip(standing, stander):
+def test_a_ball_that_rolls_does_not_slip():
     """The trunk sways over ball feet: their centres move along the floor, the material that touches it does not."""
     plant, controller = MujocoPlant(QUADRUPED, contacts=standing(QUADRUPED)), stander(QUADRUPED)
     sway = Sinusoid(controller.stack.tasks[0].target, amplitude=[0.04, 0.0, 0.0], frequency=1.0)
@@ -178,7 +179,7 @@ def test_lying_is_fallen_and_turning_is_not():
         assert plant.fallen is fallen
 
 
-def test_the_same_start_gives_the_same_motion_to_the_bit(standing, stander):
+def test_the_same_start_gives_the_same_motion_to_the_bit():
     plant = MujocoPlant(QUADRUPED, contacts=standing(QUADRUPED))
     ends = []
     for _ in range(2):
@@ -189,7 +190,7 @@ def test_the_same_start_gives_the_same_motion_to_the_bit(standing, stander):
         np.testing.assert_array_equal(first, second)
 
 
-def test_a_payload_adds_the_inertia_of_a_point_mass_until_the_next_reset(command):
+def test_a_payload_adds_the_inertia_of_a_point_mass_until_the_next_reset():
     plant, mass, J = MujocoPlant(ARM), 2.0, at(ARM).frame("tool").jacobian()[:3].copy()
 
     def inertia():
@@ -206,7 +207,7 @@ def test_a_payload_adds_the_inertia_of_a_point_mass_until_the_next_reset(command
     np.testing.assert_array_equal(inertia(), bare)
 
 
-def test_a_state_that_runs_away_is_an_error_not_a_new_beginning(command):
+def test_a_state_that_runs_away_is_an_error_not_a_new_beginning():
     plant = MujocoPlant(ARM)
     plant.reset(ARM.q0, np.full(ARM.nv, 1e14))
     with pytest.raises(SimulationError, match="diverged at t = "):
@@ -214,7 +215,7 @@ def test_a_state_that_runs_away_is_an_error_not_a_new_beginning(command):
             plant.step(command(ARM))
 
 
-def test_every_setting_is_said(standing):
+def test_every_setting_is_said():
     plant = MujocoPlant(QUADRUPED, contacts=standing(QUADRUPED), friction=0.4, settings=PhysicsSettings(impratio=20.0))
     said = plant.settings()
     assert said["impratio"] == 20.0 and said["cone"] == "elliptic" and said["engine"].startswith("MuJoCo ")
@@ -248,7 +249,7 @@ def test_friction_and_damping_are_the_files_only_when_asked():
 
 
 @pytest.mark.parametrize("stops", [True, False])
-def test_joints_stop_at_their_limits_where_there_are_stops(stops, command):
+def test_joints_stop_at_their_limits_where_there_are_stops(stops):
     plant = MujocoPlant(ARM, settings=PhysicsSettings(joint_stops=stops, joint_damping=5.0))
     for _ in range(3000):
         plant.step(command(ARM, tau=0.3 * ARM.limits.tau_max))
@@ -269,7 +270,7 @@ def test_a_settled_robot_is_carried_from_the_first_step():
         assert 0.9 * weight < carried < 1.1 * weight
 
 
-def test_force_sensors_in_the_feet_account_for_all_momentum_that_gravity_does_not_give(stander):
+def test_force_sensors_in_the_feet_account_for_all_momentum_that_gravity_does_not_give():
     """In world axes about a fixed point: d(momentum)/dt = weight + Σ (f, origin × f + m)."""
     plant = MujocoPlant(QUADRUPED, contacts=stander(QUADRUPED).stack.contacts)
     plant.reset(plant.settled(QUADRUPED.q0))
@@ -286,7 +287,7 @@ def test_force_sensors_in_the_feet_account_for_all_momentum_that_gravity_does_no
         np.testing.assert_allclose(total[3:] + np.cross(state.com, weight), 0.0, atol=0.5)
 
 
-def test_a_brake_holds_its_joint_against_gravity_until_the_next_reset(command):
+def test_a_brake_holds_its_joint_against_gravity_until_the_next_reset():
     plant, moved = MujocoPlant(ARM), []
     plant.brake(ARM.joint_names[1])
     for _ in range(2):

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.models.builders import at
+from tests.sim.builders import command
 from wbc.errors import SimulationError
 from wbc.models import load
 from wbc.sim.plant import ForwardDynamicsPlant, IntegratorPlant
@@ -35,7 +36,7 @@ def test_a_constant_velocity_is_one_long_step_of_the_configuration(seed):
     np.testing.assert_array_equal(plant.v, v)
 
 
-def test_a_constant_acceleration_gives_the_parabola_exactly(command):
+def test_a_constant_acceleration_gives_the_parabola_exactly():
     plant, a = IntegratorPlant(ARM, dt=1e-3, level="acceleration"), np.linspace(-1.0, 1.0, ARM.nv)
     v0 = np.linspace(0.5, -0.5, ARM.nv)
     plant.reset(ARM.q0, v0)
@@ -45,7 +46,7 @@ def test_a_constant_acceleration_gives_the_parabola_exactly(command):
     np.testing.assert_allclose(plant.v, v0 + 0.5 * a, atol=1e-12)
 
 
-def test_time_does_not_drift(command):
+def test_time_does_not_drift():
     plant = IntegratorPlant(ARM, dt=1e-3)
     plant.reset(ARM.q0, t=2.0)
     for _ in range(1000):
@@ -53,14 +54,14 @@ def test_time_does_not_drift(command):
     assert plant.t == 3.0
 
 
-def test_torques_that_carry_gravity_hold_the_arm_still(command):
+def test_torques_that_carry_gravity_hold_the_arm_still():
     plant = ForwardDynamicsPlant(ARM, dt=1e-3)
     for _ in range(100):
         plant.step(command(ARM, tau=at(ARM).g))
     np.testing.assert_allclose(plant.q, ARM.q0, atol=1e-9)
 
 
-def test_free_motion_keeps_the_energy(command):
+def test_free_motion_keeps_the_energy():
     plant = ForwardDynamicsPlant(ARM, dt=1e-3, substeps=20)
     plant.reset(ARM.q0)
     before = energy(ARM, plant.q, plant.v)
@@ -71,7 +72,7 @@ def test_free_motion_keeps_the_energy(command):
     assert abs(energy(ARM, plant.q, plant.v) - before) < 1e-2 * kinetic
 
 
-def test_in_free_flight_the_centre_of_mass_falls_with_g_whatever_the_legs_do(command):
+def test_in_free_flight_the_centre_of_mass_falls_with_g_whatever_the_legs_do():
     plant = ForwardDynamicsPlant(LEGS, dt=1e-3, substeps=10)
     plant.reset(LEGS.q0)
     for k in range(100):
@@ -79,7 +80,7 @@ def test_in_free_flight_the_centre_of_mass_falls_with_g_whatever_the_legs_do(com
     np.testing.assert_allclose(at(LEGS, plant.q).com - at(LEGS).com, 0.5 * LEGS.gravity * 0.1**2, atol=5e-5)
 
 
-def test_states_are_read_only_and_belong_to_their_moment(command):
+def test_states_are_read_only_and_belong_to_their_moment():
     plant = IntegratorPlant(ARM, dt=1e-3)
     before = plant.q
     plant.step(command(ARM, a=np.ones(ARM.nv)))
@@ -88,7 +89,7 @@ def test_states_are_read_only_and_belong_to_their_moment(command):
         plant.q[0] = 1.0
 
 
-def test_a_command_that_is_not_finite_never_moves_a_plant(command):
+def test_a_command_that_is_not_finite_never_moves_a_plant():
     for plant in (IntegratorPlant(ARM), IntegratorPlant(ARM, level="velocity"), ForwardDynamicsPlant(ARM)):
         nan = np.full(ARM.nv, np.nan)
         with pytest.raises(SimulationError, match=r"command\.\w+\[0\] is nan at t = 0"):

@@ -9,6 +9,7 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from tasks import Damping, JointVelocityLimits, Position, Posture, TorqueLimits
+from tests.sim.builders import stander, standing
 from wbc.control.controller import Controller
 from wbc.control.recorder import Run
 from wbc.errors import SimulationError
@@ -220,13 +221,13 @@ class TestStanding:
     """A quadruped in physics."""
 
     @pytest.fixture
-    def plant(self, standing):
+    def plant(self):
         pytest.importorskip("mujoco")
         from wbc.sim.mujoco_ import MujocoPlant
 
         return MujocoPlant(LEGS, contacts=standing(LEGS))
 
-    def test_a_push_is_felt_answered_and_recorded(self, plant, stander):
+    def test_a_push_is_felt_answered_and_recorded(self, plant):
         push = Push("trunk", (0.0, 25.0, 0.0), start=0.1, duration=0.1)
         run = simulate(stander(LEGS), plant, duration=0.6, disturbances=[push])
         assert run.meta["ended"] == "complete" and not run.meta["fallen"]
@@ -246,19 +247,19 @@ class TestStanding:
         sideways = sum(run[f"plant.f.{name}"][100:200, 1] for name in names).mean()
         assert -25.0 < sideways < 0.0
 
-    def test_measured_and_commanded_forces_agree_on_a_robot_at_rest(self, plant, stander):
+    def test_measured_and_commanded_forces_agree_on_a_robot_at_rest(self, plant):
         run = simulate(stander(LEGS), plant, duration=0.5)
         for name in run.meta["contacts"]:
             commanded, true = run[f"f.{name}"][-100:], run[f"plant.f.{name}"][-100:, :3]
             assert np.abs(commanded - true).max() < 0.02 * LEGS.mass * 9.81
 
-    def test_a_push_too_strong_ends_the_run_as_fallen(self, plant, stander):
+    def test_a_push_too_strong_ends_the_run_as_fallen(self, plant):
         push = Push("trunk", (0.0, 400.0, 0.0), start=0.05, duration=0.3)
         run = simulate(stander(LEGS), plant, duration=3.0, disturbances=[push])
         assert run.meta["fallen"] and run.meta["ended"].startswith("fallen at t = ")
         assert run.rows < 3000
 
-    def test_every_tick_is_certified_under_noise_and_delay(self, plant, stander):
+    def test_every_tick_is_certified_under_noise_and_delay(self, plant):
         noise = SensorNoise(position=1e-4, velocity=1e-2, base_velocity=5e-3, base_position=5e-4, seed=3)
         run = simulate(stander(LEGS), plant, duration=0.5, disturbances=[noise, Delay(0.002)])
         assert set(run["status"]) == {list(Status).index(Status.SOLVED)}
