@@ -90,9 +90,7 @@ MOMENTUM = ["ccrba", "forwardKinematics", "computeCentroidalMomentumTimeVariatio
     ],
 )
 def test_needs_are_learnt_and_met_with_the_fewest_calls(reads: list[str], calls: list[str]):
-    state = HUMANOID.state()
-    if not reads:
-        state.update(0.0, *moments(0, 1)[0])
+    state = at(HUMANOID, *moments(0, 1)[0])
     for read in reads:
         READS[read](state)
     assert [call for call in state.calls if not call.startswith("updateFramePlacement")] == calls

@@ -27,7 +27,11 @@ ROBOTS = {name: load(name) for name in FRAMES} | {"arm that floats": load("arm",
 STEP = 1e-5
 
 robots = pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS)
-seeds = st.integers(0, 2**32 - 1)
+
+
+def of_any_robot(test: Callable[..., None]) -> Callable[..., None]:
+    """A property that is asked of every robot, wherever it is."""
+    return robots(given(seed=st.integers(0, 2**32 - 1))(test))
 
 
 def somewhere(robot: RobotModel, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -46,8 +50,7 @@ def close(actual: np.ndarray, expected: np.ndarray) -> bool:
     return bool(np.allclose(actual, expected, rtol=1e-6, atol=1e-6))
 
 
-@robots
-@given(seed=seeds)
+@of_any_robot
 def test_world_jacobians_give_the_velocity_of_the_origin_and_the_angular_velocity(robot: RobotModel, seed: int):
     q, v = somewhere(robot, seed)
     for name in FRAMES.get(robot.name, robot.frame_names):
@@ -59,8 +62,7 @@ def test_world_jacobians_give_the_velocity_of_the_origin_and_the_angular_velocit
         assert close(pin.skew(twist[3:]), spin)
 
 
-@robots
-@given(seed=seeds)
+@of_any_robot
 def test_local_jacobians_give_the_body_twist(robot: RobotModel, seed: int):
     q, v = somewhere(robot, seed)
     for name in FRAMES.get(robot.name, robot.frame_names):
@@ -70,8 +72,7 @@ def test_local_jacobians_give_the_body_twist(robot: RobotModel, seed: int):
         assert close(frame.jacobian_local() @ v, twist)
 
 
-@robots
-@given(seed=seeds)
+@of_any_robot
 def test_drifts_are_accelerations_without_joint_acceleration(robot: RobotModel, seed: int):
     q, v = somewhere(robot, seed)
     for name in FRAMES.get(robot.name, robot.frame_names):
@@ -81,8 +82,7 @@ def test_drifts_are_accelerations_without_joint_acceleration(robot: RobotModel, 
         assert close(frame.drift_local(), local)
 
 
-@robots
-@given(seed=seeds)
+@of_any_robot
 def test_the_centre_of_mass_moves_with_its_jacobian_and_drift(robot: RobotModel, seed: int):
     q, v = somewhere(robot, seed)
     state = at(robot, q, v)
@@ -90,8 +90,7 @@ def test_the_centre_of_mass_moves_with_its_jacobian_and_drift(robot: RobotModel,
     assert close(state.com_drift, rate(robot, q, v, lambda s: s.com_jacobian @ s.v))
 
 
-@robots
-@given(seed=seeds)
+@of_any_robot
 def test_the_centroidal_momentum_is_that_of_the_whole_mass_and_of_the_velocity_s_gradient(robot: RobotModel, seed: int):
     q, v = somewhere(robot, seed)
     state = at(robot, q, v)
@@ -104,8 +103,7 @@ def test_the_centroidal_momentum_is_that_of_the_whole_mass_and_of_the_velocity_s
         assert close(momentum[3:], angular - np.cross(state.com - base.position, linear))
 
 
-@robots
-@given(seed=seeds)
+@of_any_robot
 def test_the_coriolis_matrix_gives_the_bias_and_the_rate_of_the_inertia_matrix(robot: RobotModel, seed: int):
     """Property 56."""
     q, v = somewhere(robot, seed)
@@ -114,15 +112,13 @@ def test_the_coriolis_matrix_gives_the_bias_and_the_rate_of_the_inertia_matrix(r
     assert close(state.coriolis + state.coriolis.T, rate(robot, q, v, lambda s: s.M))
 
 
-@robots
-@given(seed=seeds)
+@of_any_robot
 def test_gravity_is_the_weight_at_the_centre_of_mass(robot: RobotModel, seed: int):
     state = at(robot, *somewhere(robot, seed))
     assert np.allclose(state.g, -robot.mass * state.com_jacobian.T @ robot.gravity, atol=1e-9)
 
 
-@robots
-@given(seed=seeds)
+@of_any_robot
 def test_integrate_and_difference_are_inverse(robot: RobotModel, seed: int):
     q, step = somewhere(robot, seed)
     if robot.nb:  # a turn by more than π has a shorter one
@@ -131,8 +127,7 @@ def test_integrate_and_difference_are_inverse(robot: RobotModel, seed: int):
     assert np.allclose(robot.difference(q, q), 0.0, atol=1e-12)
 
 
-@robots
-@given(seed=seeds)
+@of_any_robot
 def test_random_configurations_keep_the_limits(robot: RobotModel, seed: int):
     q, _ = somewhere(robot, seed)
     joints = q[robot.nq - robot.nj :]

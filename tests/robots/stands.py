@@ -76,10 +76,8 @@ def loop_of(name: str, port: Any, **settings: Any) -> Loop:
         Orientation(upright, target=np.array(state.frame(upright).rotation), kp=100),
         Posture(robot.q0, kp=100, weight=1e-3),
     ]
-    contacts, limits = (
-        feet(robot, friction_share=0.8, kp=0.0, kd=20.0),
-        [TorqueLimits(), JointPositionLimits(braking=40.0)],
-    )
+    contacts = feet(robot, friction_share=0.8, kp=0.0, kd=20.0)
+    limits = [TorqueLimits(), JointPositionLimits(braking=40.0)]
     stack = wbc.Stack(tasks, contacts=contacts, subject_to=limits)
     controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), dt=1.0 / RATE)
     base = BaseEstimator(

@@ -89,22 +89,8 @@ def test_the_checksum_is_the_catalogued_one():
     ],
 )
 def test_records_are_the_structures_of_the_idl(layout: np.dtype[Any], module: str, name: str, size: int):
-    structure = STRUCTURES[module][name]
-    noise = np.random.default_rng(3).integers(0, 256, size, dtype=np.uint8).tobytes()
-
-    def same(record: Any, made: Any) -> None:
-        for field, *_ in made._fields_:
-            one, other = record[field], getattr(made, field)
-            if hasattr(other, "_fields_"):
-                same(one, other)
-            elif hasattr(other, "_length_") and hasattr(other[0], "_fields_"):
-                for a, b in zip(one, other, strict=True):
-                    same(a, b)
-            else:
-                values = list(other) if hasattr(other, "_length_") else other
-                np.testing.assert_array_equal(one, values)
-
-    same(np.frombuffer(noise, layout)[0], structure.from_buffer_copy(noise))
+    """Names, kinds, sizes and places of all fields, as NumPy reads them from the C structure."""
+    assert np.dtype(STRUCTURES[module][name]) == layout and layout.itemsize == size
 
 
 @pytest.mark.parametrize("device", UNITREE, ids=repr)
