@@ -1,4 +1,4 @@
-"""Frames of Unitree's robots made a second time: C structures declared from the published IDL, and two checksums.
+"""Frames of Unitree's robots made a second time: C structures declared from the published IDL, and a checksum.
 
 Nothing here is shared with the library: its records are numpy's, its checksum is zlib's turned round.
 """
@@ -59,35 +59,18 @@ def structures() -> dict[str, dict[str, Any]]:
     return found
 
 
-def words(frame: bytes) -> list[int]:
-    """All 32-bit words of a frame but the last."""
-    return [int.from_bytes(frame[i : i + 4], "little") for i in range(0, len(frame) - 4, 4)]
-
-
 def crc_bit_by_bit(frame: bytes) -> int:
-    """The register of the makers' text: shift, and subtract the polynomial for each bit that leaves or enters."""
+    """The register of the makers' text over all words but the last: shift, and subtract the polynomial for each bit
+    that leaves or enters."""
     register = 0xFFFFFFFF
-    for word in words(frame):
+    for i in range(0, len(frame) - 4, 4):
+        word = int.from_bytes(frame[i : i + 4], "little")
         for place in reversed(range(32)):
             leaves = (register >> 31) ^ (word >> place & 1)
             register = register << 1 & 0xFFFFFFFF
             if leaves:
                 register ^= 0x04C11DB7
     return register
-
-
-def crc_by_division(frame: bytes) -> int:
-    """The remainder of one long division over GF(2): what the frame, begun with 32 ones more, leaves."""
-    message = 0
-    for word in words(frame):
-        message = message << 32 | word
-    size = 32 * len(words(frame))
-    message = (message << 32) ^ (0xFFFFFFFF << size)
-    divisor = 0x104C11DB7
-    for place in reversed(range(32, size + 32)):
-        if message >> place & 1:
-            message ^= divisor << (place - 32)
-    return message
 
 
 def sealed(frame: Any) -> bytes:
