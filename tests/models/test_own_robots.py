@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from tests.models.builders import at
@@ -24,27 +27,25 @@ def test_size_mass_and_limits_are_those_of_such_robots_and_the_stance_is_well_in
     assert (q - limits.q_min).min() > 0.1 and (limits.q_max - q).min() > 0.1
 
 
+def solid(shape: Any) -> pin.Inertia:
+    """Of a shape of density one."""
+    if isinstance(shape, Box):
+        return pin.Inertia.FromBox(np.prod(shape.size), *shape.size)
+    if isinstance(shape, Sphere):
+        return pin.Inertia.FromSphere(4 / 3 * np.pi * shape.radius**3, shape.radius)
+    return pin.Inertia.FromCylinder(np.pi * shape.radius**2 * shape.length, shape.radius, shape.length)
+
+
 @robots
 def test_every_moving_link_has_the_inertia_of_its_shapes_at_one_density(name: str):
-    """Parts that overlap count twice; parallel axes by hand."""
+    """Parts that overlap count twice; Pinocchio adds them."""
     for link in (link for link in ROBOTS[name].urdf.links if link.inertial is not None):
-        parts = []
-        for shape, origin in ((each.shape, each.origin) for each in ROBOTS[name].visuals if each.link == link.name):
-            if isinstance(shape, Box):
-                volume, squares = np.prod(shape.size), np.array(shape.size) ** 2 / 12
-            elif isinstance(shape, Sphere):
-                volume, squares = 4 / 3 * np.pi * shape.radius**3, np.full(3, 0.2 * shape.radius**2)
-            else:
-                volume = np.pi * shape.radius**2 * shape.length
-                squares = np.array([shape.radius**2 / 4, shape.radius**2 / 4, shape.length**2 / 12])
-            own = origin.rotation @ np.diag(squares) @ origin.rotation.T  # mean of r rᵀ about its centre
-            parts.append((volume, np.array(origin.xyz), own))
-        whole = sum(volume for volume, _, _ in parts)
-        centre = sum(volume * at for volume, at, _ in parts) / whole
-        second = sum(v * (own + np.outer(at - centre, at - centre)) for v, at, own in parts) / whole
+        whole = pin.Inertia.Zero()
+        for part in (part for part in ROBOTS[name].visuals if part.link == link.name):
+            whole += pin.SE3(part.origin.rotation, np.array(part.origin.xyz)).act(solid(part.shape))
         xx, xy, xz, yy, yz, zz = link.inertial.inertia
-        wanted = link.inertial.mass * (np.trace(second) * np.eye(3) - second)
-        np.testing.assert_allclose(link.inertial.origin.xyz, centre, rtol=1e-4, atol=1e-5)
+        wanted = link.inertial.mass / whole.mass * whole.inertia
+        np.testing.assert_allclose(link.inertial.origin.xyz, whole.lever, rtol=1e-4, atol=1e-5)
         np.testing.assert_allclose([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], wanted, rtol=2e-4, atol=1e-7)
 
 
