@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.models.test_near_pairs import KINDS, SEEDS, between, hull, placed, shape_of, two
+from tests.models.test_near_pairs import KINDS, SEEDS, between, carried, hull, placed, shape_of, two
 from wbc.models.near_pairs import NearPairs
 from wbc.types import Mat, Vec
 
@@ -69,10 +69,7 @@ def test_lines_to_the_side_bend_as_their_points_and_come_nearer_as_the_nearest(s
     lines, drift = near.line[:count], near._pairs.drift[:count]
 
     def along(line: Vec, t: float) -> float:
-        there = [moved(at, motion, t) for at, motion in zip(poses, motions, strict=True)]
-        points = [now.act(at.actInv(line[i : i + 3])) for now, at, i in zip(there, poses, (4, 7), strict=True)]
-        n = np.sum([now.rotation @ at.rotation.T @ line[1:4] for now, at in zip(there, poses, strict=True)], axis=0)
-        return float((points[1] - points[0]) @ n / np.linalg.norm(n))
+        return carried(line, poses, [moved(*of, t) for of in zip(poses, motions, strict=True)])
 
     bends = [(along(line, _STEP) - 2.0 * along(line, 0.0) + along(line, -_STEP)) / _STEP**2 for line in lines]
     slides = drift[0] - bends[0]

@@ -85,6 +85,13 @@ def two(first: Any, second: Any, reach: float = 1e3, close: float = -np.inf, ahe
     return NearPairs(pin.Model(), geometry, [0], reach=reach, margin=0.0, ahead=ahead, close=close)
 
 
+def carried(line: Vec, here: Any, there: Any) -> float:
+    """How far the points of a line are apart in its direction, which turns with both shapes by half."""
+    points = [new.act(old.actInv(line[i : i + 3])) for old, new, i in zip(here, there, (4, 7), strict=True)]
+    n = np.sum([new.rotation @ old.rotation.T @ line[1:4] for old, new in zip(here, there, strict=True)], axis=0)
+    return float((points[1] - points[0]) @ n / np.linalg.norm(n))
+
+
 def between(near: NearPairs, first: Any, second: Any) -> Vec:
     near.data.oMg[0], near.data.oMg[1] = first, second
     assert found(near) == [0]

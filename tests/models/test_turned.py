@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.models.test_near_pairs import KINDS, SEEDS, found, outside, placed, shape_of, two
+from tests.models.test_near_pairs import KINDS, SEEDS, carried, found, outside, placed, shape_of, two
 from wbc.models.collision import Distances, Obstacle
 from wbc.models.compiled.nearest import LINES
 from wbc.models.geometry import Box
@@ -121,9 +121,9 @@ def test_they_foresee_the_distance_after_a_turn(seed: int, kind: str):
         turn = pin.SE3(pin.exp3(0.004 * np.array([*about / np.linalg.norm(about), 0.0])), np.zeros(3))
         turned = turn * second
         d = lines_of(two(*shapes), first, turned)[0, 0]
-        carried = [float(np.linalg.norm(turned.act(second.actInv(line[7:10])) - line[4:7])) for line in lines]
-        assert min(carried) > d - 1e-9
-        wrong.append((carried[0] - d, min(carried) - d))
+        gaps = [float(np.linalg.norm(turned.act(second.actInv(line[7:10])) - line[4:7])) for line in lines]
+        assert min(gaps) > d - 1e-9
+        wrong.append((gaps[0] - d, min(gaps) - d))
     alone, together = np.mean(wrong, axis=0)
     assert together < 0.1 * alone + 1e-6
 
@@ -141,10 +141,13 @@ def test_rows_are_derivatives_along_the_motion(robot: Any):
         numbers, here = distances._held[used].tolist(), [pose.copy() for pose in near.data.oMg]
         d, speed, drift = distances.distance[used], distances.jacobian[used] @ v, distances.drift[used]
 
+        def of_pair(number: int, poses: Any) -> Any:
+            return [poses[int(shape)] for shape in near.pairs[number // LINES]]
+
         def along(s: float, q: Vec = q, v: Vec = v, numbers: Any = numbers, here: Any = here) -> Vec:
             data, there = model.createData(), distances._geometry.createData()
             pin.updateGeometryPlacements(model, data, distances._geometry, there, pin.integrate(model, q, s * v))
-            return np.array([carried(near, number, here, there.oMg) for number in numbers])
+            return np.array([carried(near.line[i], of_pair(i, here), of_pair(i, there.oMg)) for i in numbers])
 
         sides = along(step), along(0.0), along(-step)
         bends = (sides[0] - 2.0 * sides[1] + sides[2]) / step**2
@@ -156,13 +159,3 @@ def test_rows_are_derivatives_along_the_motion(robot: Any):
                 assert bends[i] + min(slides[number // LINES], 0.0) == pytest.approx(drift[i], abs=1e-5)
                 checked += 1
     assert checked > 20
-
-
-def carried(near: NearPairs, number: int, here: Any, there: Any) -> float:
-    """How far the points of a line are apart in its direction, which turns with both shapes by half."""
-    line, normal, points = near.line[number], np.zeros(3), []
-    for shape, i in zip(near.pairs[number // LINES], (4, 7), strict=True):
-        old, new = here[int(shape)], there[int(shape)]
-        points.append(new.act(old.actInv(line[i : i + 3])))
-        normal += new.rotation @ old.rotation.T @ line[1:4]
-    return float((points[1] - points[0]) @ normal / np.linalg.norm(normal))
