@@ -205,32 +205,26 @@ def test_joints_can_be_made_rigid():
 
 
 def test_shapes_carry_place_size_and_colour(tmp_path: Path):
-    inside = (
-        '<visual><origin xyz="1 2 3" rpy="0 0 1"/><geometry><box size="1 2 3"/></geometry>'
-        '<material name="red"/></visual>'
-        '<visual><geometry><cylinder radius="0.1" length="2"/></geometry>'
-        '<material name="own"><color rgba="0 1 2 0.5"/></material></visual>'
-        "<visual/>"
-        '<collision><geometry><sphere radius="0.2"/></geometry></collision>'
-    )
-    path = written(tmp_path, hinge("swing"), inside=inside)
-    path.write_text(
-        path.read_text().replace("</robot>", '<material name="red"><color rgba="1 0 0 1"/></material></robot>')
-    )
+    """A colour that a shape names is that of others, and of the robot; its own is before that."""
+    colour = '<color rgba="0 1 2 0.5"/>'
+    seen = [
+        ('<box size="1 2 3"/>', origin("1 2 3", "0 0 1"), '<material name="red"/>'),
+        ('<cylinder radius="0.1" length="2"/>', "", f'<material name="own">{colour}</material>'),
+        ('<sphere radius="1"/>', "", '<material name="own"/>'),
+        ('<sphere radius="2"/>', "", '<material name="own"><color rgba="0 0 1 1"/></material>'),
+        ('<sphere radius="3"/>', "", '<material name="none"/>'),
+    ]
+    drawn = "".join(shape(form, place + paint, "visual") for form, place, paint in seen) + "<visual/>"
+    path = written(tmp_path, hinge("swing"), inside=drawn + shape('<sphere radius="0.2"/>'))
+    red = '<material name="red"><color rgba="1 0 0 1"/></material></robot>'
+    path.write_text(path.read_text().replace("</robot>", red))
     robot = load(path)
-    box, cylinder = robot.visuals
-    assert (box.link, box.shape, box.color) == ("a", Box((1, 2, 3)), (1, 0, 0, 1))
-    assert box.origin == Origin((1, 2, 3), (0, 0, 1))
-    assert (cylinder.shape, cylinder.color) == (Cylinder(0.1, 2), (0, 1, 1, 0.5))
+    assert [(one.link, one.shape, one.color) for one in robot.visuals] == [
+        ("a", Box((1, 2, 3)), (1, 0, 0, 1)), ("a", Cylinder(0.1, 2), (0, 1, 1, 0.5)), ("a", Sphere(1), (0, 1, 1, 0.5)),
+        ("a", Sphere(2), (0, 0, 1, 1)), ("a", Sphere(3), None),
+    ]  # fmt: skip
+    assert robot.visuals[0].origin == Origin((1, 2, 3), (0, 0, 1))
     assert [g.shape for g in robot.collisions] == [Sphere(0.2)] and robot.collisions[0].color is None
-
-
-def test_a_colour_that_a_shape_names_is_that_of_others_too(tmp_path: Path):
-    shape = '<visual><geometry><sphere radius="1"/></geometry><material name="{}">{}</material></visual>'
-    green, own = '<color rgba="0 1 0 1"/>', '<color rgba="0 0 1 1"/>'
-    inside = "".join(shape.format(*one) for one in (("g", ""), ("g", green), ("g", own), ("none", "")))
-    robot = load(written(tmp_path, hinge("swing"), inside=inside))
-    assert [visual.color for visual in robot.visuals] == [(0, 1, 0, 1), (0, 1, 0, 1), (0, 0, 1, 1), None]
 
 
 def test_links_are_frames_and_so_are_joints(tmp_path: Path):
