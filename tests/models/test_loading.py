@@ -227,6 +227,13 @@ def test_shapes_carry_place_size_and_colour(tmp_path: Path):
     assert [g.shape for g in robot.collisions] == [Sphere(0.2)] and robot.collisions[0].color is None
 
 
+def test_origins_turn_about_fixed_axes():
+    rpy = (0.3, -0.8, 2.1)
+    turned = Origin((1, 2, 3), rpy)
+    assert np.allclose(turned.rotation, pin.rpy.rpyToMatrix(*rpy), atol=1e-15)
+    assert np.array_equal(turned.matrix[:3, 3], [1, 2, 3]) and np.array_equal(turned.matrix[3], [0, 0, 0, 1])
+
+
 def test_links_are_frames_and_so_are_joints(tmp_path: Path):
     path = written(tmp_path, hinge("b"), hinge("swing"))
     frames = load(path).frame_names
