@@ -341,11 +341,6 @@ def test_a_joint_without_limits_reaches_everything_on_its_way(tmp_path: Path, ki
     assert {owner for _, owner in distances.pairs} >= {one.name for one in on_its_way}
 
 
-def test_links_that_overlap_in_the_reference_are_listed():
-    assert ("wrist_link", "flange") in Distances(ARM, margin=0.1).excluded
-    assert Distances(ARM, pairs=[("base", "forearm")], margin=0.1).excluded == ()
-
-
 def test_a_ball_close_to_a_link_has_that_links_name():
     placement = ARM.state().frame("flange").placement
     near = Obstacle("cup", Cylinder(0.03, 0.1), pin.SE3(np.eye(3), placement.act(np.array([0.0, 0.0, 0.2]))))
@@ -353,7 +348,9 @@ def test_a_ball_close_to_a_link_has_that_links_name():
     assert distances.pairs[distances.which[0]] == ("flange", "cup")
 
 
-def test_neighbouring_links_are_left_out_and_the_base_is_one():
+def test_links_that_are_neighbours_or_overlap_in_the_reference_are_left_out_and_the_base_is_one():
+    assert ("wrist_link", "flange") in Distances(ARM, margin=0.1).excluded
+    assert Distances(ARM, pairs=[("base", "forearm")], margin=0.1).excluded == ()
     pairs = set(Distances(ARM, margin=0.0).pairs)
     assert ("base", "upper_arm") in pairs
     assert not {("base", "shoulder"), ("shoulder", "upper_arm"), ("hand_hub", "flange")} & pairs
