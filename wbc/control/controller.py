@@ -188,7 +188,7 @@ class Controller(Solving, metaclass=TellsArguments):
             self.plan.observe()
         self.components = stack.components
         self._started, self._solved, self.fallbacks.good = False, None, None
-        self.renewed = self.serial
+        self.is_new = True
         self.use(self.plans.whole)
 
     def __repr__(self) -> str:
@@ -196,7 +196,7 @@ class Controller(Solving, metaclass=TellsArguments):
 
     def reset(self) -> None:
         """Forget everything: contacts are made anew at the next tick, components and bounds start again."""
-        self.ticks, self.renewed = 0, self.serial
+        self.ticks, self.is_new = 0, True
         self.why = ""
         self.last = None
         self.status = Status.FAILED
@@ -221,6 +221,7 @@ class Controller(Solving, metaclass=TellsArguments):
         t, q, v = measured.read(t, q, v)
         self.ticks += 1
         self.serial += 1
+        self.is_new, self.has_problem = False, True
         odd = watch.seen(t)
         self.why = measured.take(t, q, v) or odd
         if self.why:

@@ -145,7 +145,7 @@ class FallbackSequence:
     def unposed(self, status: Status, moment: Vec | None = None) -> Command:
         """The command of a tick without a problem to solve: hold, or brake. A member failed; or the state cannot be
         right, so that there is no ``moment``."""
-        self._controller.unposed = self._controller.serial
+        self._controller.has_problem = False
         return self._fail(status, self._expected() if moment is None else moment)
 
     def spoilt(self, command: Command, failure: str) -> None:

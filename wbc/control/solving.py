@@ -32,8 +32,8 @@ class Solving:
     """
 
     __slots__ = (
-        "_dt", "_hierarchy", "_level", "_solver", "_stack", "answering", "last", "mode", "model", "plan", "plans",
-        "renewed", "serial", "split_forces", "state", "status", "ticks", "unposed", "why",
+        "_dt", "_hierarchy", "_level", "_solver", "_stack", "answering", "has_problem", "is_new", "last", "mode",
+        "model", "plan", "plans", "serial", "split_forces", "state", "status", "ticks", "why",
     )  # fmt: skip
 
     #: How the last tick ended, why it is not simply solved, and its command.
@@ -44,10 +44,11 @@ class Solving:
     ticks: int
     #: Counts all ticks ever made; ``ticks`` starts again with ``reset``.
     serial: int
-    #: ``serial`` when the stack was replaced last, or everything forgotten.
-    renewed: int
-    #: ``serial`` of the last tick without a problem: its state was invalid, or a member failed.
-    unposed: int
+    #: Whether there was no tick since the stack was made or replaced, or everything forgotten.
+    is_new: bool
+    #: Whether there was one in the last tick, else what is in memory is that of a tick before: its state was invalid,
+    #: or a member failed.
+    has_problem: bool
     #: The solver that was used last: the solution of the tick is in its memory.
     answering: RowSolver
     #: Makes contact forces (nf,) wrenches by contact name.
@@ -59,7 +60,7 @@ class Solving:
         self.model, self._level, self._dt = robot, level, dt
         self._hierarchy, self._solver = hierarchy, solver
         self.state = self.compile(stack)
-        self.serial, self.renewed, self.unposed = 0, 0, -1
+        self.serial, self.is_new, self.has_problem = 0, True, True
 
     def compile(self, stack: Stack, prepared: Sequence[Component] = ()) -> RobotState:
         """Make plans and solvers of a stack; where that raises, those before stay. Components ``prepared`` go on.
@@ -153,16 +154,6 @@ class Solving:
         return Command(self, status, fallback_level, proof, moment, None, motion, tau, forces)
 
     # ---- what others read
-    @property
-    def is_new(self) -> bool:
-        """Whether there was no tick since the stack was made or replaced, or everything forgotten."""
-        return self.renewed == self.serial
-
-    @property
-    def has_problem(self) -> bool:
-        """Whether there was one in the last tick; else what is in memory is that of a tick before."""
-        return self.unposed != self.serial
-
     @property
     def qp(self) -> QP:
         """The last tick's QP in standard form, a copy; ``plan.qp`` is the same in memory that the next call reuses.
