@@ -69,7 +69,7 @@ def test_what_depends_on_the_model_is_not_in_the_member() -> None:
     before = {member: dict(member.__dict__) for member in (posture, damping, fingers)}
     decided(ARM, [posture, damping], LEVELS[0], subject_to=[fingers])
     for member, values in before.items():
-        assert {k: v for k, v in member.__dict__.items() if k != "_copies"} == values
+        assert {k: v for k, v in member.__dict__.items() if k != "_ties"} == values
     own = bound(damping, HUMANOID)
     assert own.dim == HUMANOID.nj and not hasattr(damping, "dim")
 

@@ -31,8 +31,8 @@ class UnknownSetting(UnknownPart, UnknownAttribute):  # type: ignore[misc]  # as
     kind = "setting"
 
 
-#: Held while the copies of a member are listed: another thread may be making a controller with it.
-_COPIES = Lock()
+#: Held while a member is assigned to, or copied: another thread may be making a controller with it.
+_LOCK = Lock()
 #: Attributes that only say where to go: no weight or gain depends on them.
 _FOLLOWED = frozenset({"target", "wrench", "torque", "_reference", "_given"})
 #: The unit of what moves or holds a joint, or a row, of this unit.
@@ -70,7 +70,7 @@ def setting(name: str, about: str, read: Callable[[Any, str, Any], Any]) -> Any:
 
 
 class Member(metaclass=_Built):
-    """Settings with a name. ``stamp`` counts the assignments since the object was made.
+    """Settings with a name.
 
     An attribute that does not exist cannot be assigned once ``__init__`` has ended, so that a slip is told.
 
@@ -88,7 +88,6 @@ class Member(metaclass=_Built):
         wbc.stack.member.UnknownSetting: Damping: there is no setting 'weigth'; did you mean 'weight'?
     """
 
-    stamp: int = 0
     dim: int
     units: str | tuple[str, ...]
     #: What rows are called in reports.
@@ -197,29 +196,26 @@ class Member(metaclass=_Built):
                 f"{self.name}.{name} is read once and cannot be assigned; make another {type(self).__name__}, and give "
                 "controller.replace a stack with it"
             )
-        with _COPIES:
-            copies = tuple(self.__dict__.get("_copies", ()))
         if name in _STRUCTURE or not (name in self._settings or hasattr(type(self), name)):
             object.__setattr__(self, name, value)  # what ``prepare`` writes, called on the member itself
             return
-        for own in copies:
-            trial = copy(own)
+        with _LOCK:
+            ties = tuple(self.__dict__.get("_ties", ()))
+        for tie in ties:
+            trial = copy(tie.own)
             trial.__dict__["_role"] = _Role.OPEN
             setattr(trial, name, value)
-        object.__setattr__(self, name, value)
-        stamp = self.stamp + 1
-        self.__dict__.setdefault("_assigned", {})[name] = stamp, value
-        self.__dict__["stamp"] = stamp
-        with _COPIES:
-            copies = tuple(self.__dict__.get("_copies", ()))
-        for own in copies:
-            own.__dict__["_binding"].is_behind = True
+        with _LOCK:
+            object.__setattr__(self, name, value)
+            ties = tuple(self.__dict__.get("_ties", ()))
+        for tie in ties:
+            tie.assigned[name] = value
+            tie.binding.is_behind = True
 
     def __getstate__(self) -> dict[str, Any]:
         """The settings, without what ties them to plans: a copy, or a pickle, is another object."""
         state = self.__dict__.copy()
-        for name in ("_assigned", "_binding", "_copies"):
-            state.pop(name, None)
+        state.pop("_ties", None)
         return state
 
 
@@ -234,12 +230,14 @@ def _annotated(kind: type[Any]) -> set[str]:
 
 @final
 class _Tie:
-    """One member, the copy of it, and what the copy was before components changed it."""
+    """One member and the copy of it: what is assigned to the member, and what the copy was without components."""
 
-    __slots__ = ("base", "member", "own", "stamp")
+    __slots__ = ("__weakref__", "assigned", "base", "binding", "member", "own")
 
-    def __init__(self, member: Member, own: Member) -> None:
-        self.member, self.own, self.stamp = member, own, member.stamp
+    def __init__(self, member: Member, binding: Binding) -> None:
+        self.member, self.binding, self.own = member, binding, copy(member)
+        #: What the copy is still to be given.
+        self.assigned: dict[str, Any] = {}
         self.base: dict[str, Any] | None = None
 
     def restore(self) -> bool:
@@ -260,8 +258,8 @@ class Binding:
         self._ties: dict[int, _Tie] = {}
         #: Rises whenever users assigned something to a member.
         self.assigned = 0
-        #: Whether they may have done so since the last ``refresh``.
-        self.is_behind = True
+        #: Whether they did so since the last ``refresh``.
+        self.is_behind = False
         self.stamp = self.targets = 0
         self._settings: Mapping[str, Mapping[str, Any]] = {}
 
@@ -273,14 +271,13 @@ class Binding:
             return value
         tie = self._ties.get(id(value))
         if tie is None:
-            own = copy(value)
-            tie = self._ties[id(value)] = _Tie(value, own)
-            for name, inner in value.__dict__.items():
-                if name in own.__dict__:
-                    own.__dict__[name] = copy(inner) if isinstance(inner, Target) else self.own(inner)
-            own.__dict__.update(_role=_Role.OPEN, _binding=self)
-            with _COPIES:
-                value.__dict__.setdefault("_copies", WeakSet()).add(own)
+            with _LOCK:
+                tie = self._ties[id(value)] = _Tie(value, self)
+                value.__dict__.setdefault("_ties", WeakSet()).add(tie)
+            settings = tie.own.__dict__
+            for name, inner in settings.items():
+                settings[name] = copy(inner) if isinstance(inner, Target) else self.own(inner)
+            settings["_role"] = _Role.OPEN
         return tie.own
 
     def close(self) -> None:
@@ -306,9 +303,8 @@ class Binding:
         """Assign to the copies what was assigned to their members since."""
         if self.is_behind:
             self.is_behind = False  # first: another thread may assign meanwhile
-            if any(tie.member.stamp != tie.stamp for tie in self._ties.values()):
-                self.assigned += 1
-                self._update(self._settings)
+            self.assigned += 1
+            self._update(self._settings)
 
     def given(self, own: Any) -> Any:
         """A copy of one of the copies as users set it, without what is overridden."""
@@ -341,21 +337,18 @@ class Binding:
     def _update(self, settings: Mapping[str, Mapping[str, Any]]) -> None:
         weighs = False
         for tie in self._ties.values():
-            member, own = tie.member, tie.own
-            stamp = member.stamp
-            if stamp != tie.stamp:
+            if tie.assigned:
                 weighs |= tie.restore()
-                own.__dict__["_role"] = _Role.OPEN
+                tie.own.__dict__["_role"] = _Role.OPEN
                 try:
-                    for name, (when, value) in list(member.__dict__.get("_assigned", {}).items()):
-                        if when > tie.stamp:
-                            weighs |= name not in _FOLLOWED
-                            setattr(own, name, value)
+                    while tie.assigned:
+                        name, value = tie.assigned.popitem()
+                        weighs |= name not in _FOLLOWED
+                        setattr(tie.own, name, value)
                 except Exception as cause:
-                    raise MemberFailed(f"{own.name}.{name}", cause) from cause
+                    raise MemberFailed(f"{tie.own.name}.{name}", cause) from cause
                 finally:
-                    tie.stamp = stamp
-                    own.__dict__["_role"] = _Role.CLOSED
+                    tie.own.__dict__["_role"] = _Role.CLOSED
         found = list(self._tried(settings))
         for tie in self._ties.values():
             weighs |= tie.restore()
