@@ -30,8 +30,8 @@ class Applied:
     """Bounds, bias, inertia, motors and normal forces of one tick; the plans of one stack share it.
 
     ``apply`` checks all changes before it makes any: if it raises, the values of the tick before stay.
-    ``version`` rises whenever the bounds on torques change. The arrays are read-only to everybody else, and their
-    memory never moves: compiled code reads it.
+    ``version`` rises whenever bounds on torques or normal forces may have changed. The arrays are read-only to
+    everybody else, and their memory never moves: compiled code reads it.
     """
 
     def __init__(
@@ -57,8 +57,6 @@ class Applied:
         self.actuators = Actuators(np.ones(model.nj), np.zeros(model.nj))
         self._motors: Mapping[int, Motor] = {}
         self.version = 0
-        #: Rises whenever the bounds on normal forces may have changed.
-        self.normal_version = 0
         #: The overrides in force, by the names of the components that said them.
         self.said: Said = ()
         self._keys: Mapping[Any, list[Any]] = {}
@@ -93,16 +91,14 @@ class Applied:
         # Nothing is refused any more.
         self.said, self._keys = said, keys_
         self._binding.override(settings)
-        if torque is not None and not _same(torque, self._torque):
-            for bound, new in zip(self._torque, torque, strict=True):
-                bound[:] = new
-            self.version += 1
+        for bound, new in zip(self._torque, torque or self._torque, strict=True):
+            bound[:] = new
         for quantity, bounds in motion.items():
-            if not _same(bounds, self._motion[quantity]):
+            if not all(map(np.array_equal, bounds, self._motion[quantity])):
                 self._motion[quantity] = bounds
                 self.intervals.replace(quantity, *bounds, by_plan=True)
         self._limits[:], self._floors[:], self._bias[:], self.inertia = limits, floors, bias, inertia
-        self.normal_version += 1
+        self.version += 1
         if motors != self._motors:
             self._motors, self.actuators = motors, Actuators(share, offset)
 
@@ -274,7 +270,3 @@ def _given(low: Vec, high: Vec, share: Vec, offset: Vec) -> _Bounds:
             np.maximum(low, np.where(share > 0.0, share * low, 0.0) - offset),
             np.minimum(high, np.where(share > 0.0, share * high, 0.0) - offset),
         )
-
-
-def _same(new: _Bounds, old: _Bounds) -> bool:
-    return all(map(np.array_equal, new, old))

@@ -54,8 +54,8 @@ class Plan(Filled):
 
     __slots__ = (
         "_bound", "_by_speed", "_call", "_called", "_failure", "_force_weights", "_joint_weights", "_looks",
-        "_normal_version", "_own_normals", "_place", "_pressing", "_qp", "_shares", "_stamp",
-        "_torque_version", "anchors", "damping", "force_scale", "stopping",
+        "_own_normals", "_place", "_pressing", "_qp", "_shares", "_stamp", "_version", "anchors", "damping",
+        "force_scale", "stopping",
     )  # fmt: skip
 
     stack: Stack
@@ -152,8 +152,7 @@ class Plan(Filled):
         self._normal, self._pressing = np.array(presses, dtype=np.intp).reshape(-1, 2).T
         lower, upper = p.range_bounds()
         self.torque_range = lower[: model.nj], upper[: model.nj]
-        self._normal_version, self._own_normals = -1, np.zeros((2, len(presses)))
-        self._take_torque_bounds()
+        self._version, self._own_normals = -1, np.zeros((2, len(presses)))
         self._force_weights = np.concatenate(
             [np.full(block.dim, block.member.force_weight) for block in layout.contacts] or [np.zeros(0)]
         )  # fmt: skip
@@ -196,7 +195,7 @@ class Plan(Filled):
             explained(f"{row.name}.fill", row.fill, trial)
             row.check(self.level.order)
         if self._by_speed:
-            explained(f"{self._by_speed[0].name}.fill", self._narrow_torques, trial)
+            explained(f"{self._by_speed[0].name}.fill", self._bound_torques, trial)
         self.fill(state)
 
     # ---- weights: read again when a task was assigned to
@@ -338,11 +337,11 @@ class Plan(Filled):
                 self._failure = cause
         filler = self._bound
         (filler if state is filler.state and filler.is_complete else self.bind(state))()
-        if self.level.dynamics:
-            if self._torque_version != self.applied.version:
-                self._take_torque_bounds()
-            if self._normal_version != self.applied.normal_version:
-                self._bound_normals()
+        if self.level.dynamics and self._version != self.applied.version:
+            self._version = self.applied.version
+            self._bound_normals()
+            if not self._by_speed:
+                self._bound_torques(state)
 
     def _fill(self, state: RobotState) -> None:
         """All rows, and whether they are finite."""
@@ -350,7 +349,7 @@ class Plan(Filled):
         for block in self._bound.others:
             self._try(block.name, block.fill, state)
         if self._by_speed:
-            self._try(self._by_speed[0].name, self._narrow_torques, state)
+            self._try(self._by_speed[0].name, self._bound_torques, state)
         self._run(LOOK)
 
     def _try(self, name: str, fill: Callable[[Any], None], given: Any) -> None:
@@ -374,12 +373,7 @@ class Plan(Filled):
             self._failure = MemberFailed(f"{name}.fill", cause)
             self._failure.__cause__ = cause
 
-    def _take_torque_bounds(self) -> None:
-        self._torque_version = self.applied.version
-        for bound, now in zip(self.torque_bounds, self.torque_range, strict=True):
-            now[:] = bound
-
-    def _narrow_torques(self, state: RobotState) -> None:
+    def _bound_torques(self, state: RobotState) -> None:
         for now, bound in zip(self.torque_range, self.torques_at(state), strict=True):
             now[:] = bound
 
@@ -391,7 +385,6 @@ class Plan(Filled):
         """What contacts say of their normal forces, and, before that, what components allow."""
         applied, p, at, pressing = self.applied, self.problem, self._normal, self._pressing
         least, most = self._own_normals
-        self._normal_version = applied.normal_version
         scale, upper = p.scale[at], np.minimum(most, applied.normal_limits[pressing])
         p.ub[at] = upper / scale
         p.lb[at] = np.minimum(np.maximum(least, applied.normal_floors[pressing]), upper) / scale
