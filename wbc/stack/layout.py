@@ -47,9 +47,11 @@ class Layout:
         self.model, self.level = model, level
         self._per = "/s" if level.order == 1 else "/s²"
         for member in () if prepared else (*stack.tasks, *stack.subject_to, *stack.contacts):
-            explained(f"{member.name}.prepare", member.prepare, model)
+            with explained(f"{member.name}.prepare"):
+                member.prepare(model)
         for contact in () if prepared else stack.contacts:
-            explained(f"{contact.name}.cone", _refuse_cone, contact)
+            with explained(f"{contact.name}.cone"):
+                _refuse_cone(contact)
         constraints = [one for constraint in stack.subject_to for one in self._each(constraint)]
         for member in (*stack.tasks, *constraints):
             self._refuse(member)

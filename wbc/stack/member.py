@@ -8,6 +8,7 @@ What is assigned to the member later is assigned to every copy at the start of t
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from copy import copy
 from enum import Enum
 from inspect import get_annotations
@@ -395,14 +396,15 @@ def bound(member: M, model: RobotModel) -> M:
     return cast(M, own)
 
 
-def explained(where: str, call: Callable[..., None], *arguments: Any) -> None:
-    """Call a method of a member while a plan is made: what goes wrong there, or in its target, is said by its name.
+@contextmanager
+def explained(where: str) -> Iterator[None]:
+    """A call of a member while a plan is made: what goes wrong there, or in its target, is said by its name.
 
     Raises:
         MemberFailed: it raised; what the library itself refuses is raised as it is.
     """
     try:
-        call(*arguments)
+        yield
     except (WbcError, Warning) as refused:
         refused.add_note(f"in {where}")
         raise

@@ -25,7 +25,7 @@ from wbc.stack.compiled.damping_kernel import share
 from wbc.stack.compiled.fill import CompiledFill
 from wbc.stack.compiled.fill_kernel import ANSWER, BOUND_SPOILT, FILL, LOOK, OBSERVE
 from wbc.stack.constraint import Barrier, TorqueBySpeed
-from wbc.stack.contact import Anchor, Contact
+from wbc.stack.contact import Anchor
 from wbc.stack.damping import Damping
 from wbc.stack.filled import Filled
 from wbc.stack.interval import JointIntervals
@@ -106,7 +106,8 @@ class Plan(Filled):
         if like is None:
             self.binding.refuse_missing(stack.components)
         for component in () if like else stack.components:
-            explained(f"{component.name}.check", component.check, self)
+            with explained(f"{component.name}.check"):
+                component.check(self)
 
     def _share(self, like: Plan | None) -> None:
         """What is remembered from tick to tick: the plans of one stack have it in common."""
@@ -186,16 +187,19 @@ class Plan(Filled):
         trial = self.model.state(drifts=state.drifts)
         trial.update(state.t, state.q, state.v)
         for block in self.layout.motions:
-            explained(f"{block.name}.fill", block.fill, trial)
+            with explained(f"{block.name}.fill"):
+                block.fill(trial)
             block.check(self.level.order)
         self.motion.writes_ed[:] = ~np.isnan(self.motion.own_ed)
         self.bind(trial)()
         self._run(FILL)  # rows about torques are made of these
         for row in self.layout.others:
-            explained(f"{row.name}.fill", row.fill, trial)
+            with explained(f"{row.name}.fill"):
+                row.fill(trial)
             row.check(self.level.order)
         if self._by_speed:
-            explained(f"{self._by_speed[0].name}.fill", self._bound_torques, trial)
+            with explained(f"{self._by_speed[0].name}.fill"):
+                self._bound_torques(trial)
         self.fill(state)
 
     # ---- weights: read again when a task was assigned to
@@ -208,10 +212,12 @@ class Plan(Filled):
         """
         layout, p = self.layout, self.problem
         for motion in layout.motions:
-            explained(f"{motion.name}.gains", self.motion.set_gains, motion.motion, motion.says)
+            with explained(f"{motion.name}.gains"):
+                self.motion.set_gains(motion.motion, motion.says)
         weighed: list[Block] = [*layout.linear, *layout.kinematic, *layout.joints, *layout.soft]
         for block in weighed:
-            explained(f"{block.name}.weights", self._read_weight, block)
+            with explained(f"{block.name}.weights"):
+                block.weights[:] = block.member.weights()
         eps, nb, nv, n_u = self.level.regularisation, self.model.nb, self.model.nv, layout.n_u
         joints = eps + self._joint_weights.sum(axis=0)
         p.unit = float(joints.max())
@@ -223,28 +229,19 @@ class Plan(Filled):
             forces = self._force_weights + eps
             p.scale[nv : nv + layout.nf] = np.sqrt(p.unit / forces)
             self.force_scale = p.scale[nv : nv + layout.nf].copy()
-            for block in layout.contacts:
-                explained(f"{block.name}.cone", self._write_cone, block)
+            for block in layout.contacts:  # constant rows K f <= 0, on the scaled forces
+                with explained(f"{block.name}.cone"):
+                    p.G[block.cone, block.unknowns] = block.member.cone() * p.scale[block.unknowns]
+                p.upper[p.item(block.cone.start) : p.item(block.cone.stop)] = 0.0
             pressing = [block.member for block in layout.contacts if not block.member.bilateral]
             for contact, bounds in zip(pressing, self._own_normals.T, strict=True):
-                explained(f"bounds on the force of {contact.name}", self._read_normal, contact, bounds)
+                with explained(f"bounds on the force of {contact.name}"):
+                    bounds[0] = -np.inf if contact.f_min is None else contact.f_min
+                    bounds[1] = np.inf if contact.f_max is None else contact.f_max
             self._bound_normals()
         for soft in layout.soft:
             p.scale[soft.unknowns] = np.sqrt(p.unit / (soft.weights + eps))
         self._stamp = self.binding.stamp
-
-    def _read_weight(self, block: Block) -> None:
-        block.weights[:] = block.member.weights()
-
-    def _read_normal(self, contact: Contact, bounds: Vec) -> None:
-        bounds[0] = -np.inf if contact.f_min is None else contact.f_min
-        bounds[1] = np.inf if contact.f_max is None else contact.f_max
-
-    def _write_cone(self, block: MotionBlock) -> None:
-        """Constant rows K f <= 0, on the scaled forces."""
-        p = self.problem
-        p.G[block.cone, block.unknowns] = block.member.cone() * p.scale[block.unknowns]
-        p.upper[p.item(block.cone.start) : p.item(block.cone.stop)] = 0.0
 
     # ---- the hot path
     def start(self, state: RobotState) -> None:
@@ -254,16 +251,18 @@ class Plan(Filled):
         if self.stopping is not None:
             self.stopping.reset()
         for barrier in self.barriers:
-            explained(f"{barrier.name}.reset", barrier.says.reset)
+            with explained(f"{barrier.name}.reset"):
+                barrier.says.reset()
         if self.damping.is_on:
             self.damping.reset()
             share(self._shares.address)
         for block, anchor in zip(self.layout.contacts, self.anchors, strict=True):
-            explained(f"{block.name}.anchor", self._make, block, anchor, state)
+            self._make(block, anchor, state)
 
     def _make(self, block: MotionBlock, anchor: Anchor, state: RobotState) -> None:
         """Make a contact: at its target, or where the robot is."""
-        anchor.move(block.member.target or block.member.anchor(state))
+        with explained(f"{block.name}.anchor"):
+            anchor.move(block.member.target or block.member.anchor(state))
 
     def take_over(self, former: Plan, state: RobotState) -> None:
         """Go on where another plan of the same stack stands: make the contacts that it has not."""
@@ -271,7 +270,7 @@ class Plan(Filled):
         held = [block.member for block in former.layout.contacts]
         for block, anchor in zip(self.layout.contacts, self.anchors, strict=True):
             if block.member not in held:
-                explained(f"{block.name}.anchor", self._make, block, anchor, state)
+                self._make(block, anchor, state)
 
     def go_on_from(self, former: Plan) -> None:
         """Damp as the plan of another stack did."""

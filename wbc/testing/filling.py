@@ -92,7 +92,8 @@ class Filling:
         out, arrays = memory
         state.update(*moment)
         name = self.name
-        explained(f"{name}.fill", self.write, state, out)
+        with explained(f"{name}.fill"):
+            self.write(state, out)
         require(
             np.array_equal(state.q, moment[1]) and np.array_equal(state.v, moment[2]), f"{name}.fill changed the state"
         )
