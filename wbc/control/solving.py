@@ -18,7 +18,6 @@ from wbc.stack.component import Component
 from wbc.stack.contact import keys
 from wbc.stack.formulation import Formulation
 from wbc.stack.hierarchy import Hierarchy
-from wbc.stack.plan import Plan
 from wbc.stack.plans import Mode, Plans
 from wbc.stack.stack import Stack
 from wbc.types import Status, Vec, read_only
@@ -73,16 +72,15 @@ class Solving:
         if not (stack.tasks or stack.subject_to or stack.contacts or stack.components):
             raise InvalidInput("the stack is empty: write wbc.Stack([...]) with tasks, such as Posture(robot.q0)")
         state = self.model.state(drifts=self._level.order > 1)
-        plans = Plans(state, stack, self._level, dt=self._dt, open_solver=self._open, prepared=prepared)
+        plans = Plans(
+            state, stack, self._level, hierarchy=self._hierarchy, solver=self._solver, dt=self._dt, prepared=prepared
+        )
         self.plans, self._stack = plans, stack
         for component in stack.components:
             component.serves = plans.whole.plan
         contacts = plans.whole.plan.stack.contacts
         self.split_forces = partial(_split, {c.name: c.dim for c in contacts}, dict(keys(contacts)))
         return state
-
-    def _open(self, plan: Plan) -> RowSolver:
-        return self._hierarchy.open(plan.problem, self._solver, plan.damping.pulls)
 
     @property
     def dt(self) -> float:

@@ -127,82 +127,56 @@ class Damping:
     """
 
     def __init__(
-        self, layout: Layout, motion: MotionRows, problem: RowProblem, factor: float, dt: float, *, least: float
-    ) -> None:
-        self._made_of = layout, motion, problem, factor, dt
+        self, layout: Layout, motion: MotionRows, problem: RowProblem, factor: float, dt: float, *, least: float,
+        ranks: Sequence[Rank],
+    ) -> None:  # fmt: skip
         self._least = least
+        made_of = layout, motion, problem, factor, dt
         #: By what exact tasks leave, for a tick in which they are relaxed.
-        self.of_exact = ResidualDamping(*self._made_of, blocks=layout.exact, held=[])
-        self._split([0])
-        self._connect([])
-        #: Tasks on the joints at the levels that are damped.
-        self._on_joints: list[tuple[ResidualDamping, RowTask]] = []
-
-    def _split(self, ends: Sequence[int]) -> None:
-        """One damping for the tasks between two of these numbers each, and one in the metric for those behind."""
-        parts = [slice(*pair) for pair in pairwise([*ends, len(self._made_of[0].kinematic)])]
-        layout = self._made_of[0]
+        self.of_exact = ResidualDamping(*made_of, blocks=layout.exact, held=[])
+        above = ranks if ranks[-1].after else ranks[:-1]
+        upper = [rank for rank in above if any(task.kinematic for task in rank.tasks)] if factor else []
+        ends = np.cumsum([0, *(sum(task.kinematic for task in rank.tasks) for rank in upper)]).tolist()
         *self.of_levels, self.in_metric = self._all = [
             ResidualDamping(
-                *self._made_of, blocks=layout.kinematic[part], held=[*layout.kinematic[: part.start], *layout.exact]
+                *made_of, blocks=layout.kinematic[first:last], held=[*layout.kinematic[:first], *layout.exact]
             )
-            for part in parts
+            for first, last in pairwise([*ends, len(layout.kinematic)])
         ]
-
-    def _connect(self, braking: Sequence[tuple[int, slice, Vec]]) -> None:
-        """The memory of all dampings. What a task does in part it brakes with all of its kd: the place of its level,
-        its motion rows and their drift."""
-        layout, motion, problem, _, _ = self._made_of
-        nj, rows = layout.model.nj, problem.G[layout.motion_row :]
-        brakes = [(k, own.start, own.stop, drift.__array_interface__["data"][0]) for k, own, drift in braking]
-        sizes = [len(self._all), nj, len(brakes), len(rows), problem.n + 1, layout.model.nb, motion.order]
-        memory = DAMPINGS.arrays(
-            np.array(sizes, dtype=np.int64), at=np.array([damping.address for damping in self._all], dtype=np.int64),
-            least=np.array([self._least]), brakes=np.array(brakes, dtype=np.int64), kd=motion.kd[: len(rows)], G=rows,
-        )  # fmt: skip
-        self._memory, self._braked = Memory(*memory), [drift for _, _, drift in braking]
-        #: For the compiled code of a tick.
-        self.address = self._memory.address
-
-    def pulls(self, ranks: Sequence[Rank]) -> list[Pull | None]:
-        """Of each stage of these ranks what damps it; the last stage has its damping in the metric.
-
-        The tasks of the ranks are those of the plan, whoever solves it.
-        """
-        layout, motion, _, factor, _ = self._made_of
-        upper = [rank for rank in ranks[:-1] if any(task.kinematic for task in rank.tasks)]
-        last = ranks[-1]
-        if last.after and any(task.kinematic for task in last.tasks):
-            upper.append(last)
-        if not upper or not factor:
-            return []
-        if not self.of_levels:
-            first = layout.model.nb  # of the unknowns that the joints are
-            base = self.in_metric.base
-            self._split(np.cumsum([0, *(sum(task.kinematic for task in rank.tasks) for rank in upper)]).tolist())
-            self.in_metric.base[:] = base
-            braking: list[tuple[int, slice, Vec]] = []
-            for k, (rank, damping) in enumerate(zip(upper, self.of_levels, strict=True)):
-                joints = (task for task in rank.tasks if task.unknowns is not None and task.unknowns.start == first)
-                self._on_joints += [(damping, task) for task in joints]
-                turned = (part.task for stage in rank.directions for part in stage)
-                for task in turned if motion.order > 1 else ():
-                    if task.kinematic and task.rows is not None:
-                        own = slice(task.rows.start - layout.motion_row, task.rows.stop - layout.motion_row)
-                        braking.append((k, own, task.drift))
-            self._connect(braking)
-            self.read_weights()
-        found: list[Pull | None] = []
-        for rank in ranks:
+        #: Of each stage of the ranks what damps it; the last stage has its damping in the metric.
+        self.pulls: list[Pull | None] = []
+        #: Tasks on the joints at the levels that are damped.
+        self._on_joints: list[tuple[ResidualDamping, RowTask]] = []
+        #: What a task does in part it brakes with all of its kd: the place of its level, its motion rows, their drift.
+        braking: list[tuple[int, slice, Vec]] = []
+        for rank in ranks if upper else ():
             if rank not in upper:
-                found += [None] * len(rank.stages)
+                self.pulls += [None] * len(rank.stages)
                 continue
-            damping = self.of_levels[upper.index(rank)]
+            damping = self.of_levels[k := upper.index(rank)]
             turning, whole = (
                 Pull(damping.columns, damping.weights, damping.wanted, share) for share in (_SIDEWAYS, 1.0)
             )
-            found += [*[turning] * len(rank.directions), whole, *[None] * len(rank.after)]
-        return found
+            self.pulls += [*[turning] * len(rank.directions), whole, *[None] * len(rank.after)]
+            first = layout.model.nb  # of the unknowns that the joints are
+            joints = (task for task in rank.tasks if task.unknowns is not None and task.unknowns.start == first)
+            self._on_joints += [(damping, task) for task in joints]
+            turned = (part.task for stage in rank.directions for part in stage)
+            for task in turned if motion.order > 1 else ():
+                if task.kinematic and task.rows is not None:
+                    own = slice(task.rows.start - layout.motion_row, task.rows.stop - layout.motion_row)
+                    braking.append((k, own, task.drift))
+        self._braked = [drift for _, _, drift in braking]
+        brakes = [(k, own.start, own.stop, drift.__array_interface__["data"][0]) for k, own, drift in braking]
+        nj, rows = layout.model.nj, problem.G[layout.motion_row :]
+        sizes = [len(self._all), nj, len(brakes), len(rows), problem.n + 1, layout.model.nb, motion.order]
+        memory = DAMPINGS.arrays(
+            np.array(sizes, dtype=np.int64), at=np.array([damping.address for damping in self._all], dtype=np.int64),
+            least=np.array([least]), brakes=np.array(brakes, dtype=np.int64), kd=motion.kd[: len(rows)], G=rows,
+        )  # fmt: skip
+        self._memory = Memory(*memory)
+        #: For the compiled code of a tick.
+        self.address = self._memory.address
 
     def read_weights(self) -> None:
         """The weights that the joints have from the tasks of their own levels, and the regularisation."""

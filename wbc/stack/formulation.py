@@ -10,6 +10,7 @@ from wbc.arguments import TellsArguments
 from wbc.errors import NotSupported
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.component import Component
+from wbc.stack.hierarchy import Hierarchy, Weighted
 from wbc.stack.level import Level
 from wbc.stack.stack import Stack
 
@@ -23,13 +24,15 @@ class Formulation(Level, metaclass=TellsArguments):
 
     @final
     def compile(
-        self, model: RobotModel, stack: Stack, *, dt: float, like: Plan | None = None,
-        prepared: Sequence[Component] = (), state: RobotState | None = None,
+        self, model: RobotModel, stack: Stack, *, dt: float, hierarchy: Hierarchy | None = None,
+        like: Plan | None = None, prepared: Sequence[Component] = (), state: RobotState | None = None,
     ) -> Plan:  # fmt: skip
         """Decide names, sizes, views and constant rows; see :class:`~wbc.stack.plan.Plan`.
 
-        ``like``: the plan of all contacts, whose memory a plan of fewer contacts shares. Components that are
-        ``prepared`` go on as they are. ``state``, by default a new one, is what the plan is tried on and bound to.
+        ``hierarchy``, by default ``Weighted()``, says what the levels mean: those above others are damped by
+        themselves. ``like``: the plan of all contacts, whose memory a plan of fewer contacts shares. Components that
+        are ``prepared`` go on as they are. ``state``, by default a new one, is what the plan is tried on and bound
+        to.
 
         Raises:
             NotSupported: a task or constraint this level cannot carry, by name; dynamics of a robot that has none.
@@ -47,7 +50,7 @@ class Formulation(Level, metaclass=TellsArguments):
             if not any(component is one for one in prepared):
                 component.prepare(model)
         state = model.state(drifts=self.order > 1) if state is None else state
-        plan = Plan(model, stack, self, dt, state, like=like)
+        plan = Plan(model, stack, self, dt, state, hierarchy=hierarchy or Weighted(), like=like)
         if like is None:  # fewer contacts contradict no more, and share memory with a plan that may be at work
             refuse_contradictions(plan, state)
         return plan

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, final
 
@@ -33,10 +33,6 @@ class Rank(NamedTuple):
         return list({id(part.task): part.task for part in parts}.values())
 
 
-#: Of each stage what damps it, or None.
-Pulls = Callable[[Sequence[Rank]], "list[Pull | None]"]
-
-
 class Hierarchy(metaclass=TellsArguments):
     """Frozen settings; ``open`` gives the solver with its memory."""
 
@@ -47,10 +43,9 @@ class Hierarchy(metaclass=TellsArguments):
     def ranks(self, levels: Sequence[Sequence[RowTask]]) -> list[Rank]:
         """How the levels of a problem are decided, one above the other."""
 
-    def open(self, problem: RowProblem, solver: Solver, pulls: Pulls | None = None) -> RowSolver:
+    def open(self, problem: RowProblem, solver: Solver, pulls: Sequence[Pull | None] = ()) -> RowSolver:
         """The solver of one plan; ``pulls`` says what damps each stage."""
-        ranks = self.ranks(problem.levels)
-        stages = [stage for rank in ranks for stage in rank.stages]
+        stages = [stage for rank in self.ranks(problem.levels) for stage in rank.stages]
         weighted = open_rows(problem, solver)
         if len(stages) < 2:
             return weighted
@@ -58,7 +53,7 @@ class Hierarchy(metaclass=TellsArguments):
         from wbc.qp.lexicographic.solver import LexicographicSolver
 
         most = 3 * len(stages) + 1 if self.budget is None else self.budget
-        return LexicographicSolver(problem, stages, budget=most, leave=weighted, pulls=pulls(ranks) if pulls else ())
+        return LexicographicSolver(problem, stages, budget=most, leave=weighted, pulls=pulls)
 
 
 @final

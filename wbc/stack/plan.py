@@ -28,6 +28,7 @@ from wbc.stack.constraint import Barrier, TorqueBySpeed
 from wbc.stack.contact import Anchor
 from wbc.stack.damping import Damping
 from wbc.stack.filled import Filled
+from wbc.stack.hierarchy import Hierarchy
 from wbc.stack.interval import JointIntervals
 from wbc.stack.layout import Layout, of_kind
 from wbc.stack.level import Level
@@ -61,7 +62,7 @@ class Plan(Filled):
     stack: Stack
 
     def __init__(
-        self, model: RobotModel, stack: Stack, level: Level, dt: float, state: RobotState, *,
+        self, model: RobotModel, stack: Stack, level: Level, dt: float, state: RobotState, *, hierarchy: Hierarchy,
         like: Plan | None = None,
     ) -> None:  # fmt: skip
         self.model, self.level, self.dt = model, level, dt
@@ -89,16 +90,18 @@ class Plan(Filled):
         self.joint_bound_rows = p.lb[nb:nv], p.ub[nb:nv]
         #: Of each task on the joints, and of their damping: its share of each joint's cost.
         self.shares = np.zeros((self.motion.n_joint_blocks, model.nj))
-        self.damping = Damping(layout, self.motion, p, level.lm_damping, dt, least=level.regularisation)
+        costs: list[Block] = [*layout.kinematic, *layout.joints, *layout.linear, *layout.soft]
+        tasks = {block.member: block.row_task() for block in costs}
+        above = [layout.slack] if layout.slack else []
+        p.levels = [[tasks[task] for task in level] for level in (*above, *stack.levels)]
+        self.damping = Damping(
+            layout, self.motion, p, level.lm_damping, dt, least=level.regularisation, ranks=hierarchy.ranks(p.levels)
+        )
         self._connect()
         self._stamp = -1
         #: What a unit of each force (nf,) in the problem is [N, N m]; a new array where it changes.
         self.force_scale = np.ones(layout.nf)
         self._read_weights()
-        costs: list[Block] = [*layout.kinematic, *layout.joints, *layout.linear, *layout.soft]
-        tasks = {block.member: block.row_task() for block in costs}
-        above = [layout.slack] if layout.slack else []
-        p.levels = [[tasks[task] for task in level] for level in (*above, *stack.levels)]
         self._qp: QP | None = None
         #: Whether motors can bring the joints to rest before their limits; None where nothing depends on it.
         self.stopping = Stopping.of(self)
@@ -160,22 +163,19 @@ class Plan(Filled):
 
     def _connect(self) -> None:
         """The memory of a tick's compiled call."""
-        p, wanted = self.problem, self.motion.wanted
-        sizes = np.array([len(p.G), p.n + 1, len(wanted), len(p.lower)], dtype=np.int64)
-        self._looks = Memory(sizes, p.G, wanted, p.lower, p.upper)
-        self._call = np.zeros(fill_kernel.NUMBER, dtype=np.int64)
-        self._call[fill_kernel.LOOKS] = self._looks.address
-        self._called = Memory(self._call).addresses.item()
-        self.answered_by(None)
-
-    def answered_by(self, solver: RowSolver | None) -> None:
-        """The solver whose code :meth:`answer` calls; its levels have their damping by now."""
         p, weights, damping = self.problem, self._joint_weights, self.damping.in_metric
         own = damping.base, damping.applied, damping.rate, self.shares, p.metric[damping.columns]
         self._shares = Memory(np.array(weights.shape, dtype=np.int64), p.units, weights, *own)
-        k = fill_kernel
-        self._call[[k.SHARES, k.DAMPINGS]] = self._shares.address, self.damping.address
-        self._call[[k.PLACE, k.SOLVER]] = (0, 0) if solver is None else solver.kernel
+        sizes = np.array([len(p.G), p.n + 1, len(self.motion.wanted), len(p.lower)], dtype=np.int64)
+        self._looks = Memory(sizes, p.G, self.motion.wanted, p.lower, p.upper)
+        self._call = np.zeros(fill_kernel.NUMBER, dtype=np.int64)
+        self._call[fill_kernel.LOOKS] = self._looks.address
+        self._call[[fill_kernel.SHARES, fill_kernel.DAMPINGS]] = self._shares.address, self.damping.address
+        self._called = Memory(self._call).addresses.item()
+
+    def answered_by(self, solver: RowSolver) -> None:
+        """The solver whose code :meth:`answer` calls."""
+        self._call[[fill_kernel.PLACE, fill_kernel.SOLVER]] = solver.kernel
 
     def _first_fill(self, state: RobotState, like: Plan | None) -> None:
         """Fill once, on poisoned memory: what nobody writes is found now, by name.

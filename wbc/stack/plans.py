@@ -8,7 +8,7 @@ both have a row of the same name.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import final
 
 import numpy as np
@@ -17,9 +17,11 @@ from wbc import checks
 from wbc.errors import InvalidInput, UnknownContact
 from wbc.models.model import RobotState
 from wbc.qp.rows import RowSolver
+from wbc.qp.solver import Solver
 from wbc.stack.component import Component, Schedule
 from wbc.stack.contact import keys
 from wbc.stack.formulation import Formulation
+from wbc.stack.hierarchy import Hierarchy
 from wbc.stack.plan import Plan
 from wbc.stack.stack import Stack
 from wbc.types import Vec, read_only
@@ -70,18 +72,18 @@ class Plans:
     """
 
     def __init__(
-        self, state: RobotState, stack: Stack, level: Formulation, *, dt: float,
-        open_solver: Callable[[Plan], RowSolver], prepared: Sequence[Component] = (),
+        self, state: RobotState, stack: Stack, level: Formulation, *, hierarchy: Hierarchy, solver: Solver, dt: float,
+        prepared: Sequence[Component] = (),
     ) -> None:  # fmt: skip
         schedules = [component for component in stack.components if isinstance(component, Schedule)]
         if len(schedules) > 1:
             raise InvalidInput(f"{schedules[0].name} and {schedules[1].name} both schedule contacts; one can")
         self.schedule = schedules[0] if schedules else None
-        self._state, self._level, self._open_solver = state, level, open_solver
+        self._state, self._level, self._hierarchy, self._solver = state, level, hierarchy, solver
         self._named = dict(keys(stack.contacts))
         self._always = frozenset(contact.name for contact in stack.contacts if contact.bilateral)
-        plan = level.compile(state.model, stack, dt=dt, prepared=prepared, state=state)
-        self.whole = self.present = Mode(plan, open_solver(plan), plan)
+        plan = level.compile(state.model, stack, dt=dt, hierarchy=hierarchy, prepared=prepared, state=state)
+        self.whole = self.present = self._mode(plan, plan)
         self._modes = {frozenset(contact.name for contact in stack.contacts): self.whole}
         self._waiting: list[frozenset[str]] = []
         self.unplanned = 0
@@ -102,8 +104,13 @@ class Plans:
         if names not in self._modes:
             whole = self.whole.plan
             stack = whole.stack.standing_on(names)
-            plan = self._level.compile(whole.model, stack, dt=whole.dt, like=whole, state=self._state)
-            self._modes[names] = Mode(plan, self._open_solver(plan), whole)
+            plan = self._level.compile(
+                whole.model, stack, dt=whole.dt, hierarchy=self._hierarchy, like=whole, state=self._state
+            )
+            self._modes[names] = self._mode(plan, whole)
+
+    def _mode(self, plan: Plan, whole: Plan) -> Mode:
+        return Mode(plan, self._hierarchy.open(plan.problem, self._solver, plan.damping.pulls), whole)
 
     @property
     def modes(self) -> Iterable[Mode]:

@@ -13,13 +13,14 @@ from wbc import checks
 from wbc.control.controller import Controller
 from wbc.control.recorder import Run
 from wbc.errors import InvalidInput
+from wbc.qp.lexicographic import Pull
 from wbc.qp.rows import RowProblem, RowSolver, RowTask
 from wbc.qp.rows.standard import StandardSolver
 from wbc.qp.solver import Solver
 from wbc.report import measure
 from wbc.sim.bench import least
 from wbc.sim.scenario import Progress, Scenario, Setup, silent
-from wbc.stack.hierarchy import Hierarchy, Pulls, Rank, Weighted
+from wbc.stack.hierarchy import Hierarchy, Rank, Weighted
 
 #: The first ticks find cold memory, and no active set.
 WARM_UP = 10
@@ -33,7 +34,7 @@ class InStandardForm(Hierarchy):
     def ranks(self, levels: Sequence[Sequence[RowTask]]) -> list[Rank]:
         return Weighted().ranks(levels)
 
-    def open(self, problem: RowProblem, solver: Solver, pulls: Pulls | None = None) -> RowSolver:
+    def open(self, problem: RowProblem, solver: Solver, pulls: Sequence[Pull | None] = ()) -> RowSolver:
         return StandardSolver(problem, solver)
 
 
