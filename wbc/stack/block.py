@@ -66,9 +66,6 @@ class Block(ABC):
         found: KernelRows = self.says.kernel_rows()
         return found
 
-    def reads(self, v: Vec) -> None:
-        """The velocities are these, until others are."""
-
     def fill(self, state: RobotState) -> None:
         """Let the member write its rows for this state."""
         self.says.fill(state, self.out)
@@ -180,31 +177,27 @@ class RowBlock(Block):
             self.out = ConstraintRows()
             self.out.A, self.out.lo, self.out.hi = A, lower, upper
             lower[:], upper[:] = np.nan, np.nan
-        self._numbers, self._v = np.array([0.0, dt]), np.zeros(model.nv)
+        self._numbers = np.array([0.0, dt])
         slack = self.unknowns.start if self.unknowns.stop else -1
         sizes = np.array([about, dim, model.nv, problem.n + 1, second, width, kind, slack], dtype=np.int64)
         self._memory = Memory(
             sizes, G, b, drift, rate, lower, upper, A, problem.G[model.nb : model.nv], forces.astype(np.int64),
-            problem.scale, self._v, self._numbers,
+            problem.scale, self._numbers,
         )  # fmt: skip
         self.finishing = self._memory.address
-
-    def reads(self, v: Vec) -> None:
-        self._v = np.ascontiguousarray(v)
-        self._memory.addresses[11] = self._v.__array_interface__["data"][0]
 
     def kernel_rows(self) -> KernelRows:
         self._read()
         return super().kernel_rows()
 
     def fill(self, state: RobotState) -> None:
-        self.reads(state.v)
         self._read()
         self.into.drift[:] = self._poison
         super().fill(state)
         if isinstance(self.says, LinearConstraint):
             self._refuse_crossed(self.out.lo, self.out.hi)
-        finish(self.finishing)
+        v = np.ascontiguousarray(state.v)
+        finish(self.finishing, v.__array_interface__["data"][0])
 
     def _refuse_crossed(self, lower: Vec, upper: Vec) -> None:
         crossed = lower > upper

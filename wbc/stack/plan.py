@@ -54,7 +54,7 @@ class Plan(Filled):
     """
 
     __slots__ = (
-        "_bound", "_by_speed", "_call", "_called", "_failure", "_force_weights", "_joint_weights", "_looks",
+        "_bound", "_by_speed", "_call", "_called", "_failure", "_force_weights", "_joint_weights",
         "_own_normals", "_place", "_pressing", "_qp", "_shares", "_stamp", "_version", "anchors", "damping",
         "force_scale", "stopping",
     )  # fmt: skip
@@ -166,10 +166,7 @@ class Plan(Filled):
         p, weights, damping = self.problem, self._joint_weights, self.damping.in_metric
         own = damping.base, damping.applied, damping.rate, self.shares, p.metric[damping.columns]
         self._shares = Memory(np.array(weights.shape, dtype=np.int64), p.units, weights, *own)
-        sizes = np.array([len(p.G), p.n + 1, len(self.motion.wanted), len(p.lower)], dtype=np.int64)
-        self._looks = Memory(sizes, p.G, self.motion.wanted, p.lower, p.upper)
         self._call = np.zeros(fill_kernel.NUMBER, dtype=np.int64)
-        self._call[fill_kernel.LOOKS] = self._looks.address
         self._call[[fill_kernel.SHARES, fill_kernel.DAMPINGS]] = self._shares.address, self.damping.address
         self._called = Memory(self._call).addresses.item()
 

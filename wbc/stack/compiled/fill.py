@@ -49,7 +49,6 @@ class CompiledFill:
                 self.is_complete = False
                 return False
             self._items[k].append((block, item))
-            block.reads(state.v)
             return True
 
         self._calls = [block for block in layout.motions if not takes(0, block)]
@@ -58,7 +57,7 @@ class CompiledFill:
         dynamics, first = plan.level.dynamics, layout.motion_row
         self._sizes = np.array(
             [plan.level.order, model.nv, model.nb, layout.nf, p.n + 1, layout.n_rows - first, motion.n_joint_blocks,
-             first, layout.contact_row, layout.n_u, dynamics, 0, 0, 0], dtype=np.int64,
+             first, layout.contact_row, layout.n_u, dynamics, 0, 0, 0, len(p.lower)], dtype=np.int64,
         )  # fmt: skip
         scale = p.scale[model.nv : model.nv + layout.nf]
         self._more_inertia = np.zeros((model.nv, model.nv))
@@ -66,7 +65,7 @@ class CompiledFill:
         of_dynamics = [state.M, state.h, plan.extra_bias, scale, self._more_inertia] if dynamics else [v] * 5
         self._memory = Memory(
             self._sizes, p.G, motion.numbers, plan.shares, p.centre, v, *of_dynamics, *plan.joint_bound_rows,
-            state.q_joints, *plan.intervals.memory,
+            state.q_joints, *plan.intervals.memory, p.lower, p.upper,
         )  # fmt: skip
         #: For the kernel that fills.
         self.address = self._memory.address
@@ -87,7 +86,7 @@ class CompiledFill:
         if version != self._version:
             self._version, self.moving = version, []
             self._read = [self._table(items, t) for items in self._items]
-            self._sizes[12:] = [memory.address for memory in self._read]
+            self._sizes[12:14] = [memory.address for memory in self._read]
         else:
             for name, target in self.moving:
                 self._attempt(name, target.follow, t)

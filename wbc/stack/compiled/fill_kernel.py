@@ -21,8 +21,8 @@ def fill(at: int) -> None:
 
     At ``at``: sizes (order, nv, nb, nf, columns of G, motion rows m, blocks of joints, first motion row, first
     contact row, columns of u, whether there are dynamics, whether inertia is added, what
-    ``write_all`` reads of tasks, and of others), what the code below reads by name, from place 14 on what
-    ``joint_bounds`` does.
+    ``write_all`` reads of tasks, and of others, items), what the code below reads by name, from place 14 on what
+    ``joint_bounds`` does, and the lower and upper bounds of all items.
     """
     memory = carray(integers(at), 18)
     sizes = carray(integers(memory[0]), 14)
@@ -38,7 +38,7 @@ def fill(at: int) -> None:
     share, centre = carray(floats(memory[3]), n_joint_blocks * nj), carray(floats(memory[4]), nv - n_u)
     v, q = carray(floats(memory[VELOCITY]), nv), carray(floats(memory[13]), nj)
 
-    write_all(sizes[12])
+    write_all(sizes[12], memory[VELOCITY])
     for i in range(total):
         if order == 1:
             wanted[i] = rate[i] * e[i] + rate_ref[i]
@@ -74,7 +74,7 @@ def fill(at: int) -> None:
                 G[i, nv + f] = scale * J[i]
     lower, upper = carray(floats(memory[11]), nj), carray(floats(memory[12]), nj)
     joint_bounds(memory[14:], nj, order, q, v[nb:], lower, upper)
-    write_all(sizes[13])
+    write_all(sizes[13], memory[VELOCITY])
 
 
 #: What :func:`spoilt` finds.
@@ -85,12 +85,14 @@ ROW_SPOILT, BOUND_SPOILT = 1, 2
 def spoilt(at: int) -> int:
     """Whether the rows, or what is wanted of the joints, are not finite, or huge; and whether a bound is NaN.
 
-    At ``at``: sizes (rows, columns, motion rows, items), rows of G, what motion rows want, lower and upper bounds.
+    At ``at``: what :func:`fill` reads.
     """
-    memory = carray(integers(at), 5)
-    sizes = carray(integers(memory[0]), 4)
-    G, wanted = carray(floats(memory[1]), sizes[0] * sizes[1]), carray(floats(memory[2]), sizes[2])
-    lower, upper = carray(floats(memory[3]), sizes[3]), carray(floats(memory[4]), sizes[3])
+    memory = carray(integers(at), 20)
+    sizes = carray(integers(memory[0]), 15)
+    total_rows = sizes[5] + sizes[6] * (sizes[1] - sizes[2])
+    G = carray(floats(memory[1]), (sizes[7] + sizes[5]) * sizes[4])
+    wanted = carray(floats(memory[2]), (10, total_rows))[4]
+    lower, upper = carray(floats(memory[18]), sizes[14]), carray(floats(memory[19]), sizes[14])
     total = 0.0
     for i in range(len(G)):
         total += abs(G[i])
@@ -105,9 +107,9 @@ def spoilt(at: int) -> int:
 
 #: The stages of a tick, to be asked for one by one or together.
 OBSERVE, FILL, LOOK, ANSWER = 1, 2, 4, 8
-#: What :func:`tick` reads: addresses of what ``fill``, the dampings, ``share`` and ``spoilt`` read; place and argument
-#: of the solver's code. What it writes: what ``spoilt`` found.
-FILLS, DAMPINGS, SHARES, LOOKS, PLACE, SOLVER, SPOILT, NUMBER = range(8)
+#: What :func:`tick` reads: addresses of what ``fill``, the dampings and ``share`` read; place and argument of the
+#: solver's code. What it writes: what ``spoilt`` found.
+FILLS, DAMPINGS, SHARES, PLACE, SOLVER, SPOILT, NUMBER = range(7)
 
 
 @entry
@@ -123,7 +125,7 @@ def tick(at: int, asked: int) -> int:
         fill(m[FILLS])
         follow(m[DAMPINGS], carray(integers(m[FILLS]), VELOCITY + 1)[VELOCITY])
     if asked & LOOK:
-        m[SPOILT] = spoilt(m[LOOKS])
+        m[SPOILT] = spoilt(m[FILLS])
         if m[SPOILT]:
             return int(-(asked & ANSWER))
     return int(call_at(m[PLACE], m[SOLVER])) if asked & ANSWER else 0

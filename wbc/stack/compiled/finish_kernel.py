@@ -14,21 +14,21 @@ BARRIER, UNKNOWN, VELOCITY, TORQUE, FORCE = range(5)
 
 
 @part
-def finish(at: int) -> None:
-    """Rows of x̂ = [x | 1] and their bounds, from what a member wrote.
+def finish(at: int, v_at: int) -> None:
+    """Rows of x̂ = [x | 1] and their bounds, from what a member wrote, for all velocities at ``v_at``.
 
     At ``at``: sizes (what the rows are about, how many, nv, columns of G, whether accelerations are decided, columns of
     A, whether b is the bounds, the first column by which rows may be broken or −1); the rows; h or b, its drift,
-    ∂h/∂t; lower and upper bounds; A; rows of torques; columns of forces; scale of the columns; all velocities; the rate
-    of a barrier, dt.
+    ∂h/∂t; lower and upper bounds; A; rows of torques; columns of forces; scale of the columns; the rate of a barrier,
+    dt.
     """
-    m = carray(integers(at), 13)
+    m = carray(integers(at), 12)
     sizes = carray(integers(m[0]), 8)
     about, dim, nv, columns, second, width = sizes[0], sizes[1], sizes[2], sizes[3], sizes[4] > 0, sizes[5]
-    G, last, numbers = carray(floats(m[1]), (dim, columns)), columns - 1, carray(floats(m[12]), 2)
+    G, last, numbers = carray(floats(m[1]), (dim, columns)), columns - 1, carray(floats(m[11]), 2)
     b, drift, rate = carray(floats(m[2]), dim), carray(floats(m[3]), dim), carray(floats(m[4]), dim)
     lower, upper = carray(floats(m[5]), dim), carray(floats(m[6]), dim)
-    A, scale, v = carray(floats(m[7]), (dim, width)), carray(floats(m[10]), columns), carray(floats(m[11]), nv)
+    A, scale, v = carray(floats(m[7]), (dim, width)), carray(floats(m[10]), columns), carray(floats(v_at), nv)
     for r in range(dim):
         row = G[r]
         if about == BARRIER:
@@ -67,7 +67,7 @@ def finish(at: int) -> None:
 
 
 @part
-def write_all(at: int) -> None:
+def write_all(at: int, v_at: int) -> None:
     """Evaluate what targets follow, and write the rows of each member; errors of one whose kernel failed are NaN.
 
     At ``at``: sizes (members, targets that are known motions), these, the time, and of each member where its memory is,
@@ -81,4 +81,4 @@ def write_all(at: int) -> None:
         if write(items[k, 0]) == 0:
             rows(items[k, 0]).e[:] = nan
         if items[k, 1] > 0:
-            finish(items[k, 1])
+            finish(items[k, 1], v_at)
