@@ -114,9 +114,6 @@ class Edge(KernelContact):
         ends = [f"{side} <= mu fz at the {end} end" for end in ("positive", "negative") for side in ("fy", "-fy")]
         return labels + [(label, "N m") for label in ends]
 
-    def motion_units(self) -> tuple[str, ...]:
-        return ("m", "m", "m", "rad", "rad")
-
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:
         frame = model.frame_names[-1]

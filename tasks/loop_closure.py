@@ -81,9 +81,6 @@ class LoopClosure(KernelContact):
     def cone_labels(self) -> list[tuple[str, str]]:
         return []
 
-    def motion_units(self) -> tuple[str, ...]:
-        return tuple("m" if axis < 3 else "rad" for axis in self._axes)
-
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:
         first, last = model.frame_names[1], model.frame_names[-1]

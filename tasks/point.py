@@ -76,6 +76,3 @@ class Point(KernelContact):
             cls(frame, friction=0.5), cls(frame, friction=0.8, axes=slope, friction_model="outer"),
             cls(frame, friction=0.5, radius=0.02, sides=8), cls(frame, friction=0.5, radius=0.05, axes=slope),
         ]  # fmt: skip
-
-    def motion_units(self) -> tuple[str, str, str]:
-        return ("m", "m", "m")

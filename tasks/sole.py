@@ -96,9 +96,6 @@ class Sole(KernelContact):
         corners = [f"fx {'+-'[i]} fy {'+-'[j]}" for i in (0, 1) for j in (0, 1)]
         return labels + [(f"{turn} <= yaw limit ({corner})", "N m") for turn in ("mz", "-mz") for corner in corners]
 
-    def motion_units(self) -> tuple[str, ...]:
-        return ("m", "m", "m", "rad", "rad", "rad")
-
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:
         frame = model.frame_names[-1]

@@ -139,6 +139,10 @@ class Contact(Member):
         """The name of each motion row."""
         return [AXES[axis] for axis in self.wrench_axes]
 
+    def motion_units(self) -> Sequence[str]:
+        """Unit of each motion row."""
+        return ["m" if axis < 3 else "rad" for axis in self.wrench_axes]
+
     def force_labels(self) -> list[tuple[str, str]]:
         """(label, unit) of each number of the force."""
         return [(WRENCH[axis], "N" if axis < 3 else "N m") for axis in self.wrench_axes]
@@ -184,10 +188,6 @@ class Contact(Member):
     @abstractmethod
     def cone_labels(self) -> Sequence[tuple[str, str]]:
         """(label, unit) of each row of the cone."""
-
-    @abstractmethod
-    def motion_units(self) -> Sequence[str]:
-        """Unit of each motion row."""
 
     def __repr__(self) -> str:
         return f"{self.name}(friction={self.friction:g})"
