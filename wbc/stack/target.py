@@ -29,8 +29,7 @@ class Target:
     """
 
     __slots__ = (
-        "_convert", "_convert_rate", "_name", "_shape", "_still", "first", "function", "has_rates", "rate", "second",
-        "value",
+        "_convert", "_convert_rate", "_name", "_shape", "_still", "first", "function", "rate", "second", "value",
     )  # fmt: skip
 
     def __init__(self, name: str, value: Any, dim: int, convert: Convert, convert_rate: Convert | None = None) -> None:
@@ -43,8 +42,6 @@ class Target:
         self.value: Any = None
         self._still = np.zeros(dim)
         self.rate = self.second = self._still
-        #: Whether the value came with a rate and an acceleration; else both are zero.
-        self.has_rates = False
         if callable(value):
             self.function = value
             try:
@@ -58,9 +55,7 @@ class Target:
     def at(self, t: float) -> Target:
         """Evaluate at time t [s]; then read ``value``, ``rate``, ``second``."""
         if self.function is not None:
-            value = self.function(t)
-            if self.has_rates or isinstance(value, tuple):
-                value = self._without_rates(value, strict=False)
+            value = self._without_rates(self.function(t), strict=False)
             self.value = self._convert(self._name, value, False)
         return self
 
@@ -79,7 +74,7 @@ class Target:
     def _without_rates(self, result: Any, strict: bool) -> Any:
         """The value of what a function gave, whose rate and acceleration are read where there are some."""
         if not isinstance(result, tuple):
-            self.rate, self.second, self.has_rates = self._still, self._still, False
+            self.rate = self.second = self._still
             return result
         if len(result) != 3 or (isinstance(result[0], Real) and self._shape != (1,)):
             raise InvalidInput(
@@ -92,7 +87,7 @@ class Target:
         if strict or not type(rate) is type(second) is np.ndarray or not rate.shape == second.shape == self._shape:
             rate = self._vector("rate", rate, strict)
             second = self._vector("acceleration", second, strict)
-        self.rate, self.second, self.has_rates = rate, second, True
+        self.rate, self.second = rate, second
         return value
 
     def _vector(self, what: str, value: Any, strict: bool) -> Vec:
