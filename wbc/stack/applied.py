@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from operator import is_
 from typing import Any, final
 
 import numpy as np
@@ -20,8 +21,8 @@ from wbc.tolerances import ROUNDING
 from wbc.types import Mat, Vec, read_only
 
 Said = Sequence[tuple[str, Overrides]]
-_TORQUE, _MOTION = ("torque", "lifted", "motors"), (*QUANTITIES[1:], "lifted")
-_PARTS = (_TORQUE, _MOTION)
+#: The parts of overrides that bounds on joints are made of.
+_OF_BOUNDS = (*QUANTITIES, "lifted", "motors")
 _Bounds = tuple[Vec, Vec]
 
 
@@ -42,11 +43,10 @@ class Applied:
         #: Place of each contact among those of the stack, by its name, and by its frame where no other has the same.
         self.places: Mapping[str, int] = {key: order[name] for key, name in keys(contacts)}
         self.intervals = intervals
-        self._own_motion = {quantity: intervals.bounds(quantity) for quantity in QUANTITIES[1:]}
-        self._motion = dict(self._own_motion)
+        #: The bounds (nj,) of the stack, by quantity.
+        self._own = {quantity: intervals.bounds(quantity) for quantity in QUANTITIES}
         intervals.seal()
-        self._own_torque = torque = intervals.bounds("torque")
-        self._torque = torque[0].copy(), torque[1].copy()
+        self._torque = intervals.bounds("torque")
         #: Bounds on the torques (lower, upper), (nj,) each.
         self.torque_bounds = read_only(self._torque[0].view()), read_only(self._torque[1].view())
         self._bias = np.zeros(model.nv)
@@ -59,7 +59,7 @@ class Applied:
         self.version = 0
         #: The overrides in force, by the names of the components that said them.
         self.said: Said = ()
-        self._keys: Mapping[Any, list[Any]] = {}
+        self._made_of: list[Any] = []
 
     def reset(self) -> None:
         """Nothing is overridden, and no acceleration is remembered."""
@@ -82,49 +82,44 @@ class Applied:
         share, offset = np.ones(self._model.nj), np.zeros(self._model.nj)
         for joint, motor in motors.items():
             share[joint], offset[joint] = motor
-        keys_ = {part: [getattr(overrides, what) for _, overrides in said for what in part] for part in _PARTS}
-        torque = self._torques(said, share, offset) if self._moved(keys_, _TORQUE) else None
-        motion = self._own_motion if self._moved(keys_, _MOTION) else {}
-        motion = {quantity: self._overridden(quantity, *bounds, said) for quantity, bounds in motion.items()}
+        made_of = [getattr(overrides, what) for _, overrides in said for what in _OF_BOUNDS]
+        is_same = len(made_of) == len(self._made_of) and all(map(is_, made_of, self._made_of))
+        bounds = {} if is_same else self._bounds(said, share, offset)
         limits, floors = self._normals(said)
         bias, inertia = self._added(said)
         # Nothing is refused any more.
-        self.said, self._keys = said, keys_
+        self.said, self._made_of = said, made_of
         self._binding.override(settings)
-        for bound, new in zip(self._torque, torque or self._torque, strict=True):
-            bound[:] = new
-        for quantity, bounds in motion.items():
-            if not all(map(np.array_equal, bounds, self._motion[quantity])):
-                self._motion[quantity] = bounds
-                self.intervals.replace(quantity, *bounds, by_plan=True)
+        for now, new in zip(self._torque, bounds.pop("torque", self._torque), strict=True):
+            now[:] = new
+        for quantity, pair in bounds.items():
+            if not all(map(np.array_equal, pair, self.intervals.bounds(quantity))):
+                self.intervals.replace(quantity, *pair, by_plan=True)
         self._limits[:], self._floors[:], self._bias[:], self.inertia = limits, floors, bias, inertia
         self.version += 1
         if motors != self._motors:
             self._motors, self.actuators = motors, Actuators(share, offset)
 
-    def _moved(self, keys_: Mapping[Any, list[Any]], part: tuple[str, ...]) -> bool:
-        """Whether a part of the overrides is made of other objects than those in force."""
-        new, old = keys_[part], self._keys.get(part)
-        return old is None or len(new) != len(old) or any(a is not b for a, b in zip(new, old, strict=True))
-
-    # ---- torques
-    def _torques(self, said: Said, share: Vec, offset: Vec) -> _Bounds | None:
-        if not self._level.dynamics:
+    # ---- bounds on joints
+    def _bounds(self, said: Said, share: Vec, offset: Vec) -> dict[str, _Bounds]:
+        """The bounds of this tick, by quantity."""
+        own = dict(self._own)
+        if self._level.dynamics:
+            own["torque"] = low, high = _given(*self._own["torque"], share, offset)
+            crossed = low > high
+            if crossed.any():
+                joint = int(crossed.argmax())
+                name = next(name for name, overrides in reversed(said) if joint in overrides.motors)
+                refuse_bounds(self._model, f"{name}.motors", "torque", low, high)
+        else:
             for name, overrides in said:
                 if overrides.torque is not None or "torque" in overrides.lifted:
                     raise NotSupported(f"{name} overrides torques, which the {self._level.name} does not decide")
-            return None
-        low, high = _given(*self._own_torque, share, offset)
-        crossed = low > high
-        if crossed.any():
-            joint = int(crossed.argmax())
-            name = next(name for name, overrides in reversed(said) if joint in overrides.motors)
-            refuse_bounds(self._model, f"{name}.motors", "torque", low, high)
-        return self._overridden("torque", low, high, said)
+        return {quantity: self._overridden(quantity, *bounds, said) for quantity, bounds in own.items()}
 
     def torques_at(self, v: Vec, by_speed: Sequence[TorqueBySpeed]) -> _Bounds:
         """Bounds on the torques (lower, upper), (nj,) each, at joint velocities v (nj,), which commands keep too."""
-        low, high = self._own_torque[0].copy(), self._own_torque[1].copy()
+        low, high = (bound.copy() for bound in self._own["torque"])
         for limit in by_speed:
             limit.narrow(v, low, high)
         low, high = _given(low, high, self.actuators.share, self.actuators.offset)
@@ -147,7 +142,6 @@ class Applied:
             found[i] = Motor(share, checks.number(f"{name}.motors[{i}].offset", offset))
         return found
 
-    # ---- torques and motion
     def _overridden(self, quantity: str, low: Vec, high: Vec, said: Said) -> _Bounds:
         """The stack's own bounds where none is lifted, narrowed."""
         low, high = low.copy(), high.copy()
