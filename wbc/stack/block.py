@@ -105,9 +105,9 @@ class MotionBlock(Block):
     #: The rows of a contact's friction cone.
     cone = _NONE
 
-    def connect(self, motion: MotionRows, anchor: Anchor | None, model: RobotModel) -> None:
+    def connect(self, motion: MotionRows, model: RobotModel) -> None:
         """Take the views to be written."""
-        at, self.anchor = self.motion, anchor
+        at = self.motion
         self._wanted, self._drift = motion.wanted[at], motion.drift[at] if motion.order == 2 else np.zeros(self.dim)
         self.out = self.into = out = TaskRows()
         out.e, out.drift, out.ed = motion.e[at], motion.drift[at], motion.own_ed[at]
@@ -115,7 +115,7 @@ class MotionBlock(Block):
         if self.has_rows:
             out.J = motion.J[at]
             out.J[:] = np.nan
-            if anchor is None and self.says.on_joints:
+            if self.anchor is None and self.says.on_joints:
                 out.J[:], out.drift[:] = np.eye(model.nv)[model.nb :], 0.0
 
     def fill(self, state: RobotState) -> None:

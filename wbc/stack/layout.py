@@ -107,6 +107,8 @@ class Layout:
             rows = self.names[row_block.rows]
             row_block.unknowns = self._unknowns(Row(f"{row_block.name}: slack", row.label, row.unit) for row in rows)
 
+        #: What has weights.
+        self.objectives: list[Block] = [*self.linear, *self.kinematic, *self.joints, *self.soft]
         #: Who writes motion rows, in the order in which these stand, and who writes others.
         self.motions = [*self.kinematic, *self.exact, *self.contacts, *self.joints]
         self.others = [*self.barriers, *self.constraints, *self.linear, *self.soft]

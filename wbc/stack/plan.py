@@ -90,8 +90,7 @@ class Plan(Filled):
         self.joint_bound_rows = p.lb[nb:nv], p.ub[nb:nv]
         #: Of each task on the joints, and of their damping: its share of each joint's cost.
         self.shares = np.zeros((self.motion.n_joint_blocks, model.nj))
-        costs: list[Block] = [*layout.kinematic, *layout.joints, *layout.linear, *layout.soft]
-        tasks = {block.member: block.row_task() for block in costs}
+        tasks = {block.member: block.row_task() for block in layout.objectives}
         above = [layout.slack] if layout.slack else []
         p.levels = [[tasks[task] for task in level] for level in (*above, *stack.levels)]
         self.damping = Damping(
@@ -133,9 +132,10 @@ class Plan(Filled):
     def _connect_blocks(self) -> None:
         """Give every block the memory that it writes into, and its weights."""
         layout, p, model = self.layout, self.problem, self.model
-        anchors = [*[None] * (len(layout.kinematic) + len(layout.exact)), *self.anchors, *[None] * len(layout.joints)]
-        for motion, anchor in zip(layout.motions, anchors, strict=True):
-            motion.connect(self.motion, anchor, model)
+        for contact, anchor in zip(layout.contacts, self.anchors, strict=True):
+            contact.anchor = anchor
+        for motion in layout.motions:
+            motion.connect(self.motion, model)
         for row in layout.others:
             row.connect(p, model, self.dt, order=self.level.order, forces=layout.forces_of(row.says))
         soft_rows: list[Block] = [*layout.linear, *layout.kinematic]
@@ -211,8 +211,7 @@ class Plan(Filled):
         for motion in layout.motions:
             with explained(f"{motion.name}.gains"):
                 self.motion.set_gains(motion.motion, motion.says)
-        weighed: list[Block] = [*layout.linear, *layout.kinematic, *layout.joints, *layout.soft]
-        for block in weighed:
+        for block in layout.objectives:
             with explained(f"{block.name}.weights"):
                 block.weights[:] = block.member.weights()
         eps, nb, nv, n_u = self.level.regularisation, self.model.nb, self.model.nv, layout.n_u
@@ -253,21 +252,22 @@ class Plan(Filled):
         if self.damping.is_on:
             self.damping.reset()
             share(self._shares.address)
-        for block, anchor in zip(self.layout.contacts, self.anchors, strict=True):
-            self._make(block, anchor, state)
+        for block in self.layout.contacts:
+            self._make(block, state)
 
-    def _make(self, block: MotionBlock, anchor: Anchor, state: RobotState) -> None:
+    def _make(self, block: MotionBlock, state: RobotState) -> None:
         """Make a contact: at its target, or where the robot is."""
+        assert block.anchor is not None, "it is a contact"
         with explained(f"{block.name}.anchor"):
-            anchor.move(block.member.target or block.member.anchor(state))
+            block.anchor.move(block.member.target or block.member.anchor(state))
 
     def take_over(self, former: Plan, state: RobotState) -> None:
         """Go on where another plan of the same stack stands: make the contacts that it has not."""
         self.binding.refresh()
         held = [block.member for block in former.layout.contacts]
-        for block, anchor in zip(self.layout.contacts, self.anchors, strict=True):
+        for block in self.layout.contacts:
             if block.member not in held:
-                self._make(block, anchor, state)
+                self._make(block, state)
 
     def go_on_from(self, former: Plan) -> None:
         """Damp as the plan of another stack did."""
@@ -309,15 +309,11 @@ class Plan(Filled):
             self.observe()
             observes = False
         self._prepare(state)
-        left = (OBSERVE if observes else 0) | FILL | LOOK | ANSWER
         if self._failure is None:
-            code = fill_kernel.tick(self._called, left)
+            code = self._run((OBSERVE if observes else 0) | FILL | LOOK | ANSWER)
             if code >= 0:
                 return solver.concluded(code)
-            left = -code
-        if left & OBSERVE:
-            self.observe()
-        if left & FILL:
+        else:
             self._fill(state)
         self._refuse_spoilt()
         self.refuse_not_finite()
