@@ -16,7 +16,10 @@ import pytest
 ROOT = Path(__file__).parent.parent
 SOURCES = sorted(p.relative_to(ROOT) for package in ("wbc", "tasks") for p in (ROOT / package).rglob("*.py"))
 
-BASE = {"errors", "types", "arguments", "checks", "compiled", "tolerances", "files", "npz", "plugins", "friction"}
+BASE = {
+    "arguments", "checks", "compiled", "errors", "files", "friction", "npz", "packing", "plugins", "tolerances",
+    "types",
+}  # fmt: skip
 OPTIMISATION_AND_ROBOTS = BASE | {"qp", "models"}
 LOOP = OPTIMISATION_AND_ROBOTS | {"methods", "stack"}
 
@@ -31,6 +34,7 @@ ARROWS = {
     "friction": {"errors", "types", "checks"},
     "files": {"errors", "checks"},
     "npz": {"errors", "files"},
+    "packing": {"errors", "npz"},
     "plugins": {"errors"},
     "short_name": set(),
     "qp": BASE,

@@ -1,10 +1,11 @@
-"""Reading .npz files that came from anywhere: plain arrays, of the size that the file really has, never a pickle."""
+"""Files of arrays, .npz: written by name, and read wherever they came from: plain arrays, never a pickle."""
 
 from __future__ import annotations
 
 import json
 import zipfile
 import zlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import IO, Any
 
@@ -55,6 +56,14 @@ def write_npz(path: Place, **arrays: Any) -> None:
     """
     with written(path) as aside, aside.open("wb") as file:
         np.savez_compressed(file, **arrays)
+
+
+def write_arrays(file: IO[bytes], arrays: Mapping[str, NDArray[Any]]) -> None:
+    """An .npz by hand: np.savez would take arrays called ``file`` or ``allow_pickle`` for its own arguments."""
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for name, values in arrays.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
+                np.lib.format.write_array(entry, values, allow_pickle=False)
 
 
 def read_json(where: str, text: str | bytes) -> Any:

@@ -2,21 +2,20 @@
 
 A :class:`Recorder` takes one row per tick and writes it into memory set aside beforehand. A :class:`Run` is the
 result: named columns that all have the same number of rows, and metadata that says what they are. On disk a run is
-a folder with ``run.npz`` (arrays, packed by :mod:`wbc.control.packing`, no pickle) and ``meta.json``.
+a folder with ``run.npz`` (arrays, packed by :mod:`wbc.packing`, no pickle) and ``meta.json``.
 """
 
 from __future__ import annotations
 
 import csv
 import json
-import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from itertools import pairwise
 from math import isnan
 from operator import itemgetter
 from pathlib import Path
 from time import perf_counter_ns
-from typing import IO, TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +23,11 @@ from numpy.typing import NDArray
 from wbc import checks
 from wbc.arguments import TellsArguments
 from wbc.control.metadata import check_metadata, plain, with_more
-from wbc.control.packing import packed, packs, unpacked
 from wbc.control.table import table
 from wbc.errors import InvalidInput, NotSupported, UnknownName
 from wbc.files import Place, located, made_folder, written
-from wbc.npz import MAX_BYTES, read_json, read_npz
+from wbc.npz import read_json, read_npz, write_arrays
+from wbc.packing import restored, stored
 from wbc.qp.problem import QP
 from wbc.types import Mat, Vec
 
@@ -41,8 +40,6 @@ if TYPE_CHECKING:
 ARRAYS_FILE = "run.npz"
 META_FILE = "meta.json"
 FAILED_FILE = "failed.npz"
-#: The array of ``run.npz`` that is no column: it says how the columns are stored.
-HOW = ".stored"
 #: Columns that have a number for each joint, perhaps behind those of a floating base.
 _OF_JOINTS = frozenset({"q", "v", "a", "tau", "q_cmd", "v_cmd"})
 MISSING_INTEGER = -1
@@ -130,14 +127,12 @@ class Run(Mapping[str, Column], metaclass=TellsArguments):
         for name, values in self.columns.items():
             if values.dtype.hasobject:
                 raise InvalidInput(f"column {name!r} holds Python objects; a run holds numbers")
-        if HOW in self.columns:
-            raise InvalidInput(f"no column may be called {HOW!r}: a saved run says there how it is stored")
-        arrays = _stored(self.columns)
+        arrays = stored(self.columns)
         text = json.dumps(plain("meta", self.meta), indent=1, ensure_ascii=False).encode()
         target = made_folder(folder)
         with written(target / META_FILE) as meta, written(target / ARRAYS_FILE) as packed_file:
             with packed_file.open("xb") as file:
-                _write_arrays(file, arrays)
+                write_arrays(file, arrays)
             meta.write_bytes(text)
         if self.failed is not None:
             self.failed.save(target / FAILED_FILE)
@@ -218,7 +213,7 @@ class Run(Mapping[str, Column], metaclass=TellsArguments):
         for file in (ARRAYS_FILE, META_FILE):
             if not (source / file).is_file():
                 raise InvalidInput(f"{source} is not the folder of a run: it has no {file}")
-        columns = _unpacked(source / ARRAYS_FILE, read_npz(source / ARRAYS_FILE))
+        columns = restored(source / ARRAYS_FILE, read_npz(source / ARRAYS_FILE))
         meta = read_json(str(source / META_FILE), (source / META_FILE).read_bytes())
         if not isinstance(meta, dict):
             raise InvalidInput(f"{source / META_FILE} must hold an object, not a {type(meta).__name__}")
@@ -421,46 +416,3 @@ def _getter(names: list[str]) -> Callable[[Row], tuple[Any, ...]]:
     if len(names) < 2:
         return lambda row: tuple(row[name] for name in names)
     return itemgetter(*names)
-
-
-def _stored(columns: Mapping[str, Column]) -> dict[str, Column]:
-    """The arrays to write. The last says in json how each column is one of them: packed, by so many differences; as it
-    is (null); or the same as that of another name."""
-    arrays, how, known = dict[str, Column](), dict[str, int | str | None](), dict[bytes, str]()
-    for name, values in columns.items():
-        if not packs(values):
-            arrays[name], how[name] = values, None
-            continue
-        earlier = known.setdefault(values.tobytes() + repr(values.shape).encode(), name)
-        if earlier != name:
-            how[name] = earlier
-        else:
-            arrays[name], how[name] = packed(values)
-    return {**arrays, HOW: np.array(json.dumps(how))}
-
-
-def _unpacked(path: Path, arrays: dict[str, Column]) -> dict[str, Column]:
-    """The columns that :func:`_stored` was given; arrays that do not say how they are stored are columns."""
-    if HOW not in arrays:
-        return arrays
-    columns, size = dict[str, Column](), 0
-    try:
-        for name, said in read_json(f"{path}: {HOW}", str(arrays[HOW])).items():
-            if isinstance(said, str):
-                columns[name] = columns[said].copy()
-            else:
-                columns[name] = arrays[name] if said is None else unpacked(arrays[name], int(said))
-            size += columns[name].nbytes
-            if size > MAX_BYTES:
-                raise InvalidInput(f"its columns are larger than {MAX_BYTES >> 30} GiB")
-    except (AttributeError, KeyError, TypeError, ValueError, OverflowError, InvalidInput) as cause:
-        raise InvalidInput(f"{path} cannot be read: {cause}") from cause
-    return columns
-
-
-def _write_arrays(file: IO[bytes], arrays: Mapping[str, Column]) -> None:
-    """An .npz by hand: np.savez would take columns called ``file`` or ``allow_pickle`` for its own arguments."""
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
-        for name, values in arrays.items():
-            with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
-                np.lib.format.write_array(entry, values, allow_pickle=False)

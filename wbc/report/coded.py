@@ -10,8 +10,8 @@ from typing import Any, final
 
 import numpy as np
 
-from wbc.control.packing import packed, packs, unpacked
 from wbc.errors import InvalidInput
+from wbc.packing import packed, packs, unpacked
 from wbc.report.packed import text
 
 _IS = "is"

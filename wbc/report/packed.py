@@ -10,7 +10,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.control.packing import differenced
+from wbc.packing import differenced
 from wbc.report.document import TIME, Curve, Map, Plot, Report, Scene
 from wbc.report.why import Why
 from wbc.types import Mat, Vec

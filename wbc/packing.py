@@ -6,13 +6,17 @@ these from tick to tick is small. Its bytes are stored apart from one another, t
 
 from __future__ import annotations
 
+import json
 import zlib
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInput
+from wbc.npz import MAX_BYTES, read_json
 
 #: Differences are taken at most so often; each one adds a bit of the noise that is in the last digits.
 MOST = 8
@@ -21,6 +25,8 @@ SAMPLE = 256
 #: Shorter columns are stored as they are.
 FEW = 64
 _ALL_BUT_SIGN = np.int64(0x7FFFFFFFFFFFFFFF)
+#: The array of a file that is no column: it says how the columns are stored.
+HOW = ".stored"
 
 
 def packs(values: NDArray[Any]) -> bool:
@@ -33,7 +39,7 @@ def packed(values: NDArray[Any]) -> tuple[NDArray[np.uint8], int]:
 
     Example:
         >>> import numpy as np
-        >>> from wbc.control.packing import packed, unpacked
+        >>> from wbc.packing import packed, unpacked
         >>> column = np.sin(1e-3 * np.arange(1000.0))
         >>> stored, times = packed(column)
         >>> stored.shape, bool(np.all(unpacked(stored, times) == column))
@@ -79,3 +85,48 @@ def _bytes(whole: NDArray[Any]) -> NDArray[np.uint8]:
     size = whole.dtype.itemsize
     folded = np.ascontiguousarray((whole << 1) ^ (whole >> (8 * size - 1))).astype(f"<i{size}")
     return np.ascontiguousarray(np.moveaxis(folded[..., None].view(np.uint8), -1, 0))
+
+
+def stored(columns: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """The arrays to write. The last says in json how each column is one of them: packed, by so many differences; as it
+    is (null); or the same as that of another name.
+
+    Raises:
+        InvalidInput: a column that is called as this array is.
+    """
+    if HOW in columns:
+        raise InvalidInput(f"no column may be called {HOW!r}: a saved run says there how it is stored")
+    arrays, how, known = dict[str, NDArray[Any]](), dict[str, int | str | None](), dict[bytes, str]()
+    for name, values in columns.items():
+        if not packs(values):
+            arrays[name], how[name] = values, None
+            continue
+        earlier = known.setdefault(values.tobytes() + repr(values.shape).encode(), name)
+        if earlier != name:
+            how[name] = earlier
+        else:
+            arrays[name], how[name] = packed(values)
+    return {**arrays, HOW: np.array(json.dumps(how))}
+
+
+def restored(path: Path, arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """The columns that :func:`stored` was given; arrays that do not say how they are stored are columns.
+
+    Raises:
+        InvalidInput: they are not what :func:`stored` gives; ``path`` is where they were found.
+    """
+    if HOW not in arrays:
+        return arrays
+    columns, size = dict[str, NDArray[Any]](), 0
+    try:
+        for name, said in read_json(f"{path}: {HOW}", str(arrays[HOW])).items():
+            if isinstance(said, str):
+                columns[name] = columns[said].copy()
+            else:
+                columns[name] = arrays[name] if said is None else unpacked(arrays[name], int(said))
+            size += columns[name].nbytes
+            if size > MAX_BYTES:
+                raise InvalidInput(f"its columns are larger than {MAX_BYTES >> 30} GiB")
+    except (AttributeError, KeyError, TypeError, ValueError, OverflowError, InvalidInput) as cause:
+        raise InvalidInput(f"{path} cannot be read: {cause}") from cause
+    return columns
