@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, final
 
-from wbc.stack.joint_task import JointTask
 from wbc.stack.kernel_members import KernelTask
 from wbc.stack.kernel_rows import KernelRows
+
+from .joint_task import JointTask
 
 
 @final
 class Damping(JointTask, KernelTask):
     """Velocity level: v_joints = 0. Acceleration level: a_joints = −kd v_joints, kd [1/s]. One row a joint.
 
-    ``joints``, weight and gain: by name or pattern too, see :class:`~wbc.stack.joint_task.JointTask`.
+    ``joints``, weight and gain: by name or pattern too, see :class:`~tasks.joint_task.JointTask`.
 
     Example:
         >>> from wbc.tasks import Damping

@@ -144,7 +144,7 @@ class Follow(metaclass=TellsArguments):
         return partial(Follow, lag=self._lag, **self._settings), (self._value(self._follower.place),)
 
     def _rest(self, place: Vec) -> None:
-        from wbc.stack.follower import Follower  # compiled code is loaded where somebody follows, and not before
+        from .follower import Follower  # compiled code is loaded where somebody follows, and not before
 
         self._follower = Follower(place, self._limits, self._lag)
         self._new = deque[Vec](maxlen=1)

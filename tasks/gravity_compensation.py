@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Self, final
 
 from wbc.models.model import RobotModel
-from wbc.stack.joint_task import TorqueTask
 from wbc.stack.kernel_members import KernelLinearTask
 from wbc.stack.kernel_rows import KernelRows
+
+from .joint_task import TorqueTask
 
 
 @final

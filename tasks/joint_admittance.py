@@ -10,13 +10,13 @@ import numpy as np
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
-from wbc.stack.joint_task import JointTask
 from wbc.stack.kernel_members import KernelTask
 from wbc.stack.kernel_rows import KernelRows
 from wbc.stack.target import Target
 from wbc.stack.tracking import Tracking, joints_target
 from wbc.types import Vec
 
+from .joint_task import JointTask
 from .trajectories import Sinusoid
 
 
@@ -27,7 +27,7 @@ class JointAdmittance(Tracking, JointTask, KernelTask):
     :class:`~tasks.admittance.Admittance` for joints: at the acceleration level that equation, at the velocity level the
     same without inertia. Where K > 0 the torque moves the target, by τ / K; where K = 0 the joint moves with τ / D for
     as long as it is pushed. ``inertia`` M [kg m², kg] and ``damping`` D > 0, ``stiffness`` K >= 0: scalar or (nj,),
-    or by name or pattern, as ``joints`` and weight are too, see :class:`~wbc.stack.joint_task.JointTask`.
+    or by name or pattern, as ``joints`` and weight are too, see :class:`~tasks.joint_task.JointTask`.
     ``target`` as :class:`~tasks.posture.Posture` has it. ``torque`` τ [N m, N]: scalar or (nj,), or a function of time
     giving (nj,); it may be assigned between ticks.
 

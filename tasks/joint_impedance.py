@@ -10,12 +10,12 @@ import numpy as np
 from wbc import checks
 from wbc.models import plausible
 from wbc.models.model import RobotModel
-from wbc.stack.joint_task import TorqueTask
 from wbc.stack.kernel_members import KernelLinearTask
 from wbc.stack.kernel_rows import KernelRows
 from wbc.stack.tracking import Tracking, joints_target
 from wbc.types import Vec
 
+from .joint_task import TorqueTask
 from .trajectories import Sinusoid
 
 

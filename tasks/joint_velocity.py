@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from typing import Any, Self, final
 
 from wbc.models.model import RobotModel
-from wbc.stack.joint_task import JointTask
 from wbc.stack.kernel_members import KernelTask
 from wbc.stack.kernel_rows import KernelRows
 from wbc.stack.tracking import Tracking
 
+from .joint_task import JointTask
 from .trajectories import Sinusoid
 
 
@@ -20,7 +20,7 @@ class JointVelocity(Tracking, JointTask, KernelTask):
 
     ``target``: joint velocities (nj,), or of the joints named alone, or a velocity (nv,) whose base is not read
     [rad/s, m/s], or a function of time giving one or (velocity, its first, its second derivative); the second is not
-    used. ``joints``, weight and gain: by name or pattern too, see :class:`~wbc.stack.joint_task.JointTask`.
+    used. ``joints``, weight and gain: by name or pattern too, see :class:`~tasks.joint_task.JointTask`.
 
     Raises:
         InvalidInput: when a stack is compiled: a target, weight or gain of another size.

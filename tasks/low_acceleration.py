@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, final
 
-from wbc.stack.joint_task import JointTask
 from wbc.stack.kernel_members import KernelTask
 from wbc.stack.kernel_rows import KernelRows
+
+from .joint_task import JointTask
 
 
 @final
@@ -16,7 +17,7 @@ class LowAcceleration(JointTask, KernelTask):
 
     It makes commands smooth at the cost of lag, and needs no memory: the velocity of the state is the last command, as
     far as the robot followed it. ``joints`` and weight: by name or pattern too, see
-    :class:`~wbc.stack.joint_task.JointTask`.
+    :class:`~tasks.joint_task.JointTask`.
 
     Example:
         >>> from wbc.tasks import LowAcceleration

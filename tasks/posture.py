@@ -7,11 +7,11 @@ from typing import Any, Self, final
 
 from wbc.models import plausible
 from wbc.models.model import RobotModel
-from wbc.stack.joint_task import JointTask
 from wbc.stack.kernel_members import KernelTask
 from wbc.stack.kernel_rows import KernelRows
 from wbc.stack.tracking import Tracking
 
+from .joint_task import JointTask
 from .trajectories import Sinusoid
 
 
@@ -21,7 +21,7 @@ class Posture(Tracking, JointTask, KernelTask):
 
     ``target``: joint positions (nj,), or of the joints named alone, or a configuration (nq,) whose base is not read, or
     a function of time giving one or (positions, velocities, accelerations), the last two (nj,) or of the joints named.
-    ``joints``, weight and gains: by name or pattern too, see :class:`~wbc.stack.joint_task.JointTask`.
+    ``joints``, weight and gains: by name or pattern too, see :class:`~tasks.joint_task.JointTask`.
 
     Raises:
         InvalidInput: when a stack is compiled: a target, weight or gain of another size.

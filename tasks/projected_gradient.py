@@ -8,13 +8,13 @@ from typing import Any, ClassVar, Self, final
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
-from wbc.stack.joint_task import JointTask
 from wbc.stack.task import TaskRows
 
 from .criteria.clearance import Clearance
 from .criteria.criterion import Criterion
 from .criteria.manipulability import Manipulability
 from .criteria.mid_range import MidRange
+from .joint_task import JointTask
 
 
 @final
@@ -27,7 +27,7 @@ class ProjectedGradient(JointTask):
     With J v = ẏ as a constraint the optimum of ½ w |v − gain ∇H|² is v = J# ẏ + gain (I − J# J) ∇H while no bound is
     active, and the nearest feasible velocity when one is. ``gain`` [joint unit / s per unit of ∇H] may be negative:
     descend. The regularisation of a level pulls v towards zero by the share ε / (w + ε). ``joints``, weight and gain:
-    by name or pattern too, see :class:`~wbc.stack.joint_task.JointTask`.
+    by name or pattern too, see :class:`~tasks.joint_task.JointTask`.
     Source: Rosen's gradient projection; for robots Liégeois, IEEE Trans. Systems, Man, and Cybernetics 1977.
 
     Raises:

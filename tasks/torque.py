@@ -11,7 +11,6 @@ from scipy.linalg import lapack
 from wbc import checks
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
-from wbc.stack.joint_task import TorqueTask
 from wbc.stack.kernel_members import KernelLinearTask
 from wbc.stack.kernel_rows import KernelRows
 from wbc.stack.target import vector_target
@@ -19,6 +18,7 @@ from wbc.stack.task import LinearRows
 from wbc.stack.tracking import Tracking
 from wbc.types import Vec
 
+from .joint_task import TorqueTask
 from .trajectories import Sinusoid
 
 

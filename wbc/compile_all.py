@@ -16,7 +16,7 @@ from wbc.compiled import callee
 MODULES = (
     ("wbc.qp.lexicographic.solver", "wbc.qp.rows.core", "wbc.stack.plan"),
     ("wbc.control.measured", "wbc.robots.estimator", "wbc.models.compiled.whole", "wbc.models.near_pairs",
-     "wbc.stack.follower",
+     "wbc.stack.compiled.follow_kernel",
      *(f"wbc.stack.compiled.{rows}_kernel" for rows in (
          "direction", "force", "frame", "joint", "limit", "motion", "relative", "wheel"))),
 )  # fmt: skip
