@@ -8,16 +8,16 @@ import numpy as np
 
 from wbc import checks
 from wbc.errors import InvalidInput
-from wbc.models.model import RobotModel
-from wbc.stack.kernel_members import KernelConstraint
+from wbc.models.model import RobotModel, RobotState
+from wbc.stack.constraint import ConstraintRows, LinearConstraint
+from wbc.stack.kernel_members import KernelMember
 from wbc.stack.kernel_rows import KernelRows
-from wbc.types import Vec
 
 _LABELS = ("x", "y", "z", "roll", "pitch", "yaw")
 
 
 @final
-class FrameVelocityLimits(KernelConstraint):
+class FrameVelocityLimits(LinearConstraint, KernelMember):
     """|J v| <= v_max at the end of the tick, row by row: velocity of a frame's origin [m/s] and its angular velocity
     [rad/s], world axes.
 
@@ -67,8 +67,8 @@ class FrameVelocityLimits(KernelConstraint):
     def kernel_rows(self) -> KernelRows:
         return KernelRows("motion.velocity", (self.frame,), [1.0, *self._rows])
 
-    def bounds(self) -> tuple[Vec, Vec]:
-        return -self._v_max, self._v_max
+    def fill(self, state: RobotState, out: ConstraintRows) -> None:
+        out.A[:], out.lo[:], out.hi[:] = self._called(state).J, -self._v_max, self._v_max
 
     def label(self, row: int) -> str:
         return _LABELS[self._rows[row]]

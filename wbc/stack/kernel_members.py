@@ -5,15 +5,17 @@ from __future__ import annotations
 from abc import abstractmethod
 
 from wbc.models.model import RobotState
-from wbc.stack.constraint import Barrier, BarrierRows, ConstraintRows, LinearConstraint
+from wbc.stack.constraint import Barrier, BarrierRows
 from wbc.stack.contact import Anchor, Contact
 from wbc.stack.kernel_rows import KernelRows
 from wbc.stack.member import Member
 from wbc.stack.task import LinearRows, LinearTask, Task, TaskRows
-from wbc.types import Mat, Vec
+from wbc.types import Mat
 
 
-class _Kernel(Member):
+class KernelMember(Member):
+    """Anything whose rows a kernel writes."""
+
     @abstractmethod
     def kernel_rows(self) -> KernelRows | None:
         """Which kernel writes the rows, and what it reads; None where ``fill`` writes them."""
@@ -28,7 +30,7 @@ class _Kernel(Member):
         return called(said, self.dim, state, anchor, A)
 
 
-class KernelTask(Task, _Kernel):
+class KernelTask(Task, KernelMember):
     """A kinematic task that a kernel writes: subclasses say ``kernel_rows`` and no ``fill``."""
 
     def fill(self, state: RobotState, out: TaskRows) -> None:
@@ -38,7 +40,7 @@ class KernelTask(Task, _Kernel):
             out.J[:], out.drift[:] = rows.J, rows.drift
 
 
-class KernelBarrier(Barrier, _Kernel):
+class KernelBarrier(Barrier, KernelMember):
     """A barrier that a kernel writes, with e for h and rate_ref for ∂h/∂t."""
 
     def fill(self, state: RobotState, out: BarrierRows) -> None:
@@ -46,7 +48,7 @@ class KernelBarrier(Barrier, _Kernel):
         out.h[:], out.J[:], out.drift[:], out.rate[:] = rows.e, rows.J, rows.drift, rows.rate_ref
 
 
-class KernelContact(Contact, _Kernel):
+class KernelContact(Contact, KernelMember):
     """A contact whose motion rows a kernel writes."""
 
     def fill(self, state: RobotState, anchor: Anchor, out: TaskRows) -> None:
@@ -54,19 +56,7 @@ class KernelContact(Contact, _Kernel):
         out.e[:], out.J[:], out.drift[:] = rows.e, rows.J, rows.drift
 
 
-class KernelConstraint(LinearConstraint, _Kernel):
-    """A linear constraint whose A a kernel writes, with A = J, and whose bounds stand."""
-
-    @abstractmethod
-    def bounds(self) -> tuple[Vec, Vec]:
-        """lo and hi (dim,)."""
-
-    def fill(self, state: RobotState, out: ConstraintRows) -> None:
-        out.A[:] = self._called(state).J
-        out.lo[:], out.hi[:] = self.bounds()
-
-
-class KernelLinearTask(LinearTask, _Kernel):
+class KernelLinearTask(LinearTask, KernelMember):
     """A linear task that a kernel writes: A y = e − drift, A = J or what the kernel writes itself."""
 
     def fill(self, state: RobotState, out: LinearRows) -> None:
