@@ -112,11 +112,6 @@ class Plans:
     def _mode(self, plan: Plan, whole: Plan) -> Mode:
         return Mode(plan, self._hierarchy.open(plan.problem, self._solver, plan.damping.pulls), whole)
 
-    @property
-    def modes(self) -> Iterable[Mode]:
-        """All that are compiled."""
-        return self._modes.values()
-
     def choose(self, names: Iterable[str], state: RobotState) -> Mode:
         """The mode of a set of contacts; the present one, and a note, where it is not compiled.
 
