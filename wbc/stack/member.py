@@ -13,7 +13,7 @@ from copy import copy
 from enum import Enum
 from inspect import get_annotations
 from operator import attrgetter
-from threading import Lock
+from threading import RLock
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar, cast, final
 from weakref import WeakSet
 
@@ -32,8 +32,8 @@ class UnknownSetting(UnknownPart, UnknownAttribute):  # type: ignore[misc]  # as
     kind = "setting"
 
 
-#: Held while a member is assigned to, or copied: another thread may be making a controller with it.
-_LOCK = Lock()
+#: Held while a member is copied, or its copies are listed: another thread may be making a controller with it.
+_LOCK = RLock()
 #: Attributes that only say where to go: no weight or gain depends on them.
 _FOLLOWED = frozenset({"target", "wrench", "torque", "_reference", "_given"})
 #: The unit of what moves or holds a joint, or a row, of this unit.
@@ -206,8 +206,8 @@ class Member(metaclass=_Built):
             trial = copy(tie.own)
             trial.__dict__["_role"] = _Role.OPEN
             setattr(trial, name, value)
-        with _LOCK:
-            object.__setattr__(self, name, value)
+        object.__setattr__(self, name, value)
+        with _LOCK:  # those that were copied before the assignment are there by now
             ties = tuple(self.__dict__.get("_ties", ()))
         for tie in ties:
             tie.assigned[name] = value
