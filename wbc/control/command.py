@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, Any, Protocol, final
 
 import numpy as np
 
@@ -12,7 +12,8 @@ from wbc.qp.certificate import Certificate
 from wbc.types import Status, Vec, read_only
 
 if TYPE_CHECKING:
-    from wbc.qp.rows import Outcome
+    from wbc.models.model import RobotModel
+    from wbc.qp.rows import Outcome, RowSolver
     from wbc.qp.solver import Solution
 
 
@@ -50,6 +51,26 @@ class Forces(dict[str, Vec]):
         return self[key] if key in self else default
 
 
+class Owner(Protocol):
+    """The controller of a command: what is still to be computed is computed by it."""
+
+    model: RobotModel
+    serial: int
+    is_new: bool
+    answering: RowSolver
+
+    @property
+    def dt(self) -> float:
+        """Time between ticks [s]."""
+
+    @property
+    def split_forces(self) -> Callable[[Vec | None], Forces]:
+        """Makes contact forces (nf,) wrenches by contact name."""
+
+    def solution(self) -> Solution:
+        """Of the last tick's QP."""
+
+
 @final
 class Command:
     """One tick's answer: torques, accelerations, velocities, contact wrenches, next configuration.
@@ -72,7 +93,7 @@ class Command:
     # ``v``, ``a`` and ``tau`` come as arrays that cannot be written: this runs in every tick.
     def __init__(  # noqa: PLR0917 - passing keywords takes half as long again as all that is done here
         self,
-        controller: Any,  # wbc.control.solving.Solving, which makes commands
+        controller: Owner,
         status: Status,
         fallback_level: str,
         certificate: Proof,
@@ -82,9 +103,9 @@ class Command:
         tau: Vec | None = None,
         forces: Vec | tuple[Callable[[Vec, Vec], Vec], Vec, Vec] | None = None,
     ) -> None:
-        self._controller = controller
-        self._split_forces: Callable[[Vec | None], Forces] = controller.split_forces
-        self._serial: int = controller.serial
+        self._controller: Owner | None = controller
+        self._split_forces = controller.split_forces
+        self._serial = controller.serial
         self.status, self.fallback_level, self._certificate = status, fallback_level, certificate
         self._levels: tuple[Outcome, ...] | Callable[[], tuple[Outcome, ...]] = controller.answering.report
         #: q and v (nq + nv,) of the tick. Bytes: they are rarely read, and an array takes twice as long to copy.
@@ -102,7 +123,7 @@ class Command:
         return None, values | {"_controller": None, "_serial": -1}
 
     @property
-    def _owner(self) -> Any:
+    def _owner(self) -> Owner:
         """The controller; a copy has none, and everything but a solution.
 
         Raises:
