@@ -264,3 +264,36 @@ def test_what_is_written_into_an_array_after_it_was_assigned_goes_unseen():
     errors, state = controller.plan.errors(), controller.state
     for task, target in ((left, [0.3, 0.2, 1.0]), (right, [0.3, -0.2, 1.0])):
         np.testing.assert_allclose(errors[task.name], target - state.frame(task.frame).position, atol=1e-12)
+
+
+class Coupled(Posture):
+    """Whose setting ``first`` takes ``second`` back."""
+
+    _first = _second = 0
+
+    @property
+    def first(self) -> int:
+        return self._first
+
+    @first.setter
+    def first(self, value: int) -> None:
+        self._first, self._second = value, 0
+
+    @property
+    def second(self) -> int:
+        return self._second
+
+    @second.setter
+    def second(self, value: int) -> None:
+        self._second = value
+
+
+@given(st.lists(st.tuples(st.sampled_from(["first", "second"]), st.integers(1, 9)), min_size=1, max_size=5))
+def test_what_is_assigned_between_ticks_comes_in_its_order(assigned: list[tuple[str, int]]):
+    task = Coupled(ARM.q0)
+    controller = decided(ARM, [task], wbc.AccelerationLevel())
+    for name, value in assigned:
+        setattr(task, name, value)
+    answer(controller, ARM.q0, np.zeros(ARM.nv))
+    (own,) = controller.plan.stack.tasks
+    assert (own.first, own.second) == (task.first, task.second)

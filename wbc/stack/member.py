@@ -208,10 +208,10 @@ class Member(metaclass=_Built):
             setattr(trial, name, value)
         object.__setattr__(self, name, value)
         with _LOCK:  # those that were copied before the assignment are there by now
-            ties = tuple(self.__dict__.get("_ties", ()))
-        for tie in ties:
-            tie.assigned[name] = value
-            tie.binding.is_behind = True
+            for tie in self.__dict__.get("_ties", ()):
+                tie.assigned.pop(name, None)  # what was assigned last comes last
+                tie.assigned[name] = value
+                tie.binding.is_behind = True
 
     def __getstate__(self) -> dict[str, Any]:
         """The settings, without what ties them to plans: a copy, or a pickle, is another object."""
@@ -343,7 +343,9 @@ class Binding:
                 tie.own.__dict__["_role"] = _Role.OPEN
                 try:
                     while tie.assigned:
-                        name, value = tie.assigned.popitem()
+                        with _LOCK:
+                            name = next(iter(tie.assigned))
+                            value = tie.assigned.pop(name)
                         weighs |= name not in _FOLLOWED
                         setattr(tie.own, name, value)
                 except Exception as cause:
