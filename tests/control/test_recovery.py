@@ -11,6 +11,7 @@ import wbc
 from tasks import (
     CenterOfMass,
     JointAccelerationLimits,
+    JointPositionLimits,
     JointVelocityLimits,
     Position,
     Posture,
@@ -18,7 +19,7 @@ from tasks import (
     feet,
 )
 from tests.families.oracle import Constraints, least_squares
-from tests.reliability.faults import A_MAX, FAULTS, V_MAX, Saboteur, excess, limited, sabotaged
+from tests.reliability.faults import A_MAX, FAULTS, V_MAX, Saboteur, Script, excess, limited, sabotaged
 from wbc.qp.certificate import TOLERANCE
 from wbc.types import Status
 
@@ -42,6 +43,25 @@ def test_another_solver_answers_what_the_one_asked_for_does_not(level: Any, faul
     assert command.fallback_level == ("solved" if fault == "late" else "other solver")
     decided, before = ((c.v if level.order == 1 else c.a) for c in (command, good))
     np.testing.assert_allclose(decided, before, atol=1e-4)
+
+
+@pytest.mark.parametrize("level", LEVELS, ids=named)
+@pytest.mark.parametrize("limits", [JointVelocityLimits(0.5), JointPositionLimits()], ids=str)
+def test_another_solver_decides_all_along_what_the_one_asked_for_decides(level: Any, limits: Any):
+    """A target out of reach: what the ticks before left of it damps the joints, and motors have to be able to stop."""
+
+    def control(**settings: Any) -> wbc.Controller:
+        tasks = [Position("tool", target=[0.4, 0.2, 5.5], kp=2000.0), Posture(ARM.q0, weight=1e-3)]
+        torque = [TorqueLimits()] if level.dynamics else []
+        return wbc.Controller(ARM, wbc.Stack(tasks, subject_to=[limits, *torque]), level=level, **settings)
+
+    sound, broken = control(), control(solver=Saboteur(script=Script("raises")))
+    q, v = ARM.q0, STILL
+    for k in range(150):
+        expected, command = sound.tick(1e-3 * k, q, v), broken.tick(1e-3 * k, q, v)
+        assert (command.status, command.fallback_level) == (expected.status, "other solver")
+        np.testing.assert_allclose(command.v, expected.v, atol=1e-9)
+        q, v = expected.q, expected.v
 
 
 @pytest.mark.parametrize("level", LEVELS, ids=named)

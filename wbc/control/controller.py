@@ -272,11 +272,10 @@ class Controller(Solving, metaclass=TellsArguments):
             self._ask_members()
             status = self.solve_with(self.mode.solver)
         self.status, plan = status, self.plan
-        if plan.stopping is not None and status is _SOLVED:
-            plan.stopping.keep(plan, state, self._solve_again)
-            status = self.status
         if status is not _SOLVED:
-            return self.fallbacks.descend(status, moment)
+            command = self.fallbacks.descend(status, moment)
+            self._solved = plan if command.status is _SOLVED else None  # by another solver: damped as by the own one
+            return command
         if plan.intervals.recovering:
             self.why = plan.intervals.recovery(state.q_joints)
         if plan.barriers:
@@ -287,10 +286,6 @@ class Controller(Solving, metaclass=TellsArguments):
             return self.fallbacks.resume(command, moment)
         self.fallbacks.good = command
         return command
-
-    def _solve_again(self) -> bool:
-        self.status = self.solve_with(self.mode.solver)
-        return self.status is _SOLVED
 
     # What overflows has a status: where warnings are errors, a tick raises none. Compiled code never warns.
     _decide_in_silence = np.errstate(all="ignore")(_decide)

@@ -128,13 +128,20 @@ class Solving:
         self.mode, self.plan, self.answering = mode, mode.plan, mode.solver
 
     def solve_with(self, solver: RowSolver) -> Status:
-        """Solve the problem as it is filled. A solver that raises has failed, and ``why`` says how."""
+        """Solve the problem as it is filled, so that the motors can stop afterwards. A solver that raises has failed,
+        and ``why`` says how."""
         self.answering = solver
+        if self._solves() and self.plan.stopping is not None:
+            self.plan.stopping.keep(self.plan, self.state, self._solves)
+        return self.status
+
+    def _solves(self) -> bool:
         try:
-            return solver.solve()
+            self.status = self.answering.solve()
         except Exception as cause:  # a back end may raise anything, and a robot still needs a command
             self.why = f"solver {self._solver.name!r} raised {type(cause).__name__}: {cause}"
-            return Status.FAILED
+            self.status = Status.FAILED
+        return self.status is Status.SOLVED
 
     def decode(
         self, moment: Vec, status: Status = Status.SOLVED, fallback_level: str = "solved", proof: Proof | None = None
