@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from importlib.util import find_spec
+from numbers import Integral
 from typing import Any, TypeVar
 
 import numpy as np
@@ -345,8 +346,10 @@ def rows(name: str, member: object) -> None:
         InvalidInput: ``dim`` is no positive whole number, or ``units`` are neither a text nor one for each row.
     """
     dim, units = getattr(member, "dim", None), getattr(member, "units", None)
-    if not isinstance(dim, int) or dim < 1:
-        raise InvalidInput(f"{name}.dim is {dim!r}; set it, and units, in __init__: how many rows there are")
+    if not isinstance(dim, Integral) or dim < 1:
+        raise InvalidInput(
+            f"{name}.dim is {shown(dim)}; set it, and units, in __init__: a positive integer, how many rows there are"
+        )
     if not isinstance(units, str) and not (isinstance(units, tuple | list) and len(units) == dim):
         raise InvalidInput(f"{name}.units is {units!r}; set it in __init__: a text, or {dim}, one for each row")
 

@@ -15,7 +15,7 @@ from wbc.control.controller import Controller
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
 from wbc.stack.block import says_of
-from wbc.stack.constraint import Barrier, Constraints, JointInterval, Quantity
+from wbc.stack.constraint import Barrier, Constraints, JointInterval, Quantity, bounds_of
 from wbc.stack.formulation import VelocityLevel
 from wbc.stack.hierarchy import Strict, Weighted
 from wbc.stack.member import bound
@@ -152,7 +152,7 @@ def _of_a_configuration(limit: Any, robot: RobotModel) -> list[Any]:
         parts = limit.constraints(VelocityLevel().bounds)
         return [one for part in parts for one in _of_a_configuration(part, robot)]
     if isinstance(limit, JointInterval) and limit.quantity == "position":
-        return [_Limits(limit.name, "position", *bound(limit, robot).bounds(robot))]
+        return [_Limits(limit.name, "position", *bounds_of(bound(limit, robot), robot))]
     if isinstance(limit, JointInterval) and limit.quantity != "torque":
         return []
     if getattr(says_of(limit), "on", "") == "velocity":

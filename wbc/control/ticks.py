@@ -223,5 +223,5 @@ def _contact(contact: Contact) -> dict[str, Any]:
         "frame": contact.frame,
         "friction": contact.friction,
         "half_size": None if half_size is None else [float(x) for x in half_size],
-        "cone": contact.cone().tolist(),
+        "cone": np.asarray(contact.cone()).tolist(),
     }

@@ -25,7 +25,7 @@ from wbc.control.controller import UNNAMED, Controller
 from wbc.errors import WbcError
 from wbc.sim.scenario import Progress, Scenario, silent
 from wbc.sim.spoiling import RUBBISH, SpoiltComponent, SpoiltTarget, spoilt
-from wbc.stack.constraint import JointInterval
+from wbc.stack.constraint import JointInterval, bounds_of
 from wbc.types import Vec
 
 KINDS = ("valid", "fuzz", "starts")
@@ -230,7 +230,7 @@ def _limits(control: Controller) -> dict[str, tuple[Vec, Vec]]:
     limits: dict[str, tuple[Vec, Vec]] = {}
     for constraint in control.stack.subject_to:
         if isinstance(constraint, JointInterval):
-            low, high = constraint.bounds(control.model)
+            low, high = bounds_of(constraint, control.model)
             before = limits.get(constraint.quantity, (low, high))
             limits[constraint.quantity] = (np.maximum(low, before[0]), np.minimum(high, before[1]))
     return limits

@@ -20,6 +20,7 @@ from wbc.stack.constraint import (
     LinearConstraint,
     Softly,
     TorqueBySpeed,
+    bounds_of,
 )
 from wbc.stack.contact import Anchor
 from wbc.stack.interval import JointIntervals
@@ -90,6 +91,14 @@ class Block(ABC):
                 raise InvalidInput(
                     f"{self.name}.fill left NaN in out.{what}[{first}]; write it, as by out.{what}[:] = …"
                 )
+
+
+def refuse_crossed(name: str, lower: Vec, upper: Vec) -> None:
+    """Refuse bounds (dim,) of a linear constraint of this name between which there is nothing."""
+    crossed = (lower > upper) | (lower == np.inf) | (upper == -np.inf)
+    if crossed.any():
+        i = int(crossed.argmax())
+        raise InvalidInput(f"{name} is left nothing: lo[{i}] is {lower[i]:g} and hi[{i}] is {upper[i]:g}")
 
 
 def says_of(member: Any) -> Any:
@@ -195,15 +204,9 @@ class RowBlock(Block):
         self.into.drift[:] = self._poison
         super().fill(state)
         if isinstance(self.says, LinearConstraint):
-            self._refuse_crossed(self.out.lo, self.out.hi)
+            refuse_crossed(self.name, self.out.lo, self.out.hi)
         v = np.ascontiguousarray(state.v)
         finish(self.finishing, v.__array_interface__["data"][0])
-
-    def _refuse_crossed(self, lower: Vec, upper: Vec) -> None:
-        crossed = lower > upper
-        if crossed.any():
-            i = int(crossed.argmax())
-            raise InvalidInput(f"{self.name} is left nothing: lo[{i}] is {lower[i]:g}, above hi[{i}], {upper[i]:g}")
 
     def _read(self) -> None:
         if isinstance(self.says, Barrier):
@@ -222,7 +225,7 @@ class _IntervalRows:
     """Bounds on each joint's motion or torque as rows, for a constraint that may be broken."""
 
     def __init__(self, limit: JointInterval, model: RobotModel, dt: float, order: int) -> None:
-        self._limit, self._model = limit, model
+        self._limit, self._bounds = limit, bounds_of(limit, model)
         self.on = "torque" if limit.quantity == "torque" else ""
         if not self.on:
             self._intervals, self._order = JointIntervals([limit], model, dt), order
@@ -232,6 +235,6 @@ class _IntervalRows:
         if not self.on:
             self._intervals.write(self._order, state.q_joints, state.v_joints, out.lo, out.hi)
             return
-        out.lo[:], out.hi[:] = self._limit.bounds(self._model)
+        out.lo[:], out.hi[:] = self._bounds
         if isinstance(self._limit, TorqueBySpeed):
             self._limit.narrow(state.v_joints, out.lo, out.hi)

@@ -70,6 +70,15 @@ class JointInterval(Constraint):
         """
 
 
+def bounds_of(limit: JointInterval, model: RobotModel) -> Mat:
+    """Lower and upper bounds (2, nj) of a limit, a copy.
+
+    Raises:
+        InvalidInput: they are no numbers for each joint, by the limit's name.
+    """
+    return checks.array(f"{limit.name}.bounds()", limit.bounds(model), (2, model.nj), finite=False)
+
+
 class TorqueBySpeed(JointInterval):
     """Bounds on each joint's torque that move with its velocity."""
 

@@ -12,7 +12,7 @@ from wbc.compiled import Memory
 from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
 from wbc.stack.compiled.interval_kernel import bound_joints
-from wbc.stack.constraint import JointInterval
+from wbc.stack.constraint import JointInterval, bounds_of
 from wbc.tolerances import MET, SAME
 from wbc.types import Vec
 
@@ -99,7 +99,7 @@ class JointIntervals:
         self.memory = self._flags, numbers, self._last, np.array([self.dt])
         self._memory = Memory(self._order, self._now, *self.memory)
         for constraint in constraints:
-            lower, upper = constraint.bounds(model)
+            lower, upper = bounds_of(constraint, model)
             limit = self._limits[constraint.quantity]
             np.minimum(limit, (upper, -lower), out=limit)
             refuse_bounds(model, constraint.name, constraint.quantity, -limit[1], limit[0])

@@ -12,7 +12,7 @@ from wbc.errors import InvalidInput, NotSupported, UnknownContact
 from wbc.models.model import RobotModel
 from wbc.qp.problem import Row
 from wbc.stack.block import Block, MotionBlock, RowBlock, says_of
-from wbc.stack.constraint import Barrier, Constraints, JointInterval, LinearConstraint, Softly
+from wbc.stack.constraint import Barrier, Constraints, JointInterval, LinearConstraint, Softly, bounds_of
 from wbc.stack.contact import AXES, WRENCH, Contact, keys
 from wbc.stack.kernel_rows import CENTRE, MOMENTUM, kernel_rows_of
 from wbc.stack.level import Level
@@ -51,7 +51,7 @@ class Layout:
                 member.prepare(model)
         for contact in () if prepared else stack.contacts:
             with explained(f"{contact.name}.cone"):
-                _refuse_cone(contact)
+                refuse_cone(contact)
         constraints = [one for constraint in stack.subject_to for one in self._each(constraint)]
         for member in (*stack.tasks, *constraints):
             self._refuse(member)
@@ -64,7 +64,7 @@ class Layout:
         tasks: list[Task] = of_kind(stack.tasks, Task)
         intervals: list[JointInterval] = of_kind(exact, JointInterval)
         #: Each limit on a quantity of the joints, with its bounds (nj,).
-        self.joint_limits = [(limit, *limit.bounds(model)) for limit in intervals]
+        self.joint_limits = [(limit, *bounds_of(limit, model)) for limit in intervals]
         self.motion_limits = [limit for limit in intervals if limit.quantity != "torque"]
         self.torque_limits = [limit for limit in intervals if limit.quantity == "torque"]
 
@@ -212,11 +212,14 @@ class Layout:
         return [Row(f"contact[{contact.short_name}]", label, unit + self._per) for label, unit in said]
 
 
-def _refuse_cone(contact: Contact) -> None:
+def refuse_cone(contact: Contact) -> None:
     """Refuse a contact whose sizes do not agree."""
     dim = getattr(contact, "dim", None)
     if dim is None:
         raise InvalidInput(f"{contact.name} has no dim; set it: how many numbers its force has")
+    if not contact.bilateral and (len({*contact.wrench_axes} & {*range(6)}) != dim or 2 not in contact.wrench_axes):
+        said = f"{contact.name}.wrench_axes is {checks.shown(contact.wrench_axes)}"
+        raise InvalidInput(f"{said}; it must be {dim} of 0 to 5, and the normal force, 2, among them")
     cone, labels = checks.array(f"{contact.name}.cone()", contact.cone(), (None, dim)), contact.cone_labels()
     for what, given, wanted in (
         ("cone labels", labels, len(cone)), ("motion units", contact.motion_units(), dim),

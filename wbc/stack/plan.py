@@ -149,7 +149,7 @@ class Plan(Filled):
     def _prepare_dynamics(self) -> None:
         layout, p, model = self.layout, self.problem, self.model
         presses = [
-            (contact.unknowns.start + contact.member.wrench_axes.index(2), place)
+            (contact.unknowns.start + [*contact.member.wrench_axes].index(2), place)
             for contact, place in zip(layout.contacts, self._place, strict=True)
             if not contact.member.bilateral
         ]

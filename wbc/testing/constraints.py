@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
 
 from wbc import checks
 from wbc.arguments import tells_arguments
-from wbc.models.model import RobotModel
+from wbc.models.model import RobotModel, RobotState
+from wbc.stack.block import refuse_crossed
 from wbc.stack.constraint import (
     Barrier,
     BarrierRows,
@@ -17,12 +18,14 @@ from wbc.stack.constraint import (
     Constraints,
     JointInterval,
     LinearConstraint,
+    bounds_of,
 )
 from wbc.stack.formulation import InverseDynamics
-from wbc.stack.member import Member
+from wbc.stack.interval import refuse_bounds
+from wbc.stack.member import Member, bound
 from wbc.stack.task import Exactly
 from wbc.testing.differences import along, in_time, row_sizes, velocity_names
-from wbc.testing.failure import differs, require, worst
+from wbc.testing.failure import accepted, differs, require, worst
 from wbc.testing.filling import Filling
 from wbc.testing.robots import Moment, moments, on_robots
 from wbc.testing.tasks import check_task
@@ -38,9 +41,9 @@ def check_constraint(
 ) -> None:
     """Check a constraint on ``model``, or on those of our arm, quadruped and humanoid that it can be prepared for.
 
-    Joint intervals: (nj,), no NaN, lower <= upper, zero inside but for positions. Barriers, by differences: J = ∂h/∂q,
-    rate = ∂h/∂t and drift = d(J v + rate)/dt. Linear constraints: lo <= hi. All: filled twice, same bits, nothing left
-    unwritten, nothing beside. Several constraints in one: each of them.
+    Joint intervals: (nj,), no NaN, lower <= upper, zero inside but for positions and torques. Barriers, by differences:
+    J = ∂h/∂q, rate = ∂h/∂t and drift = d(J v + rate)/dt. Linear constraints: lo <= hi. All: filled twice, same bits,
+    whatever was filled between, nothing left unwritten, nothing beside. Several constraints in one: each of them.
     ``contact_dim``: size of the wrench a constraint on "force" writes on.
 
     Raises:
@@ -60,8 +63,7 @@ def check_constraint(
     def check(own: Any, robot: RobotModel) -> None:
         when = moments(robot) if given is None else given
         if isinstance(own, Barrier | LinearConstraint):
-            dim = getattr(own, "dim", None)
-            require(isinstance(dim, int) and dim > 0, f"{own.name}.dim is {dim!r}; it must be a positive integer")
+            accepted(checks.rows, own.name, own)
         if isinstance(own, Constraints):
             for one in own.constraints(frozenset(_QUANTITIES)):
                 check_constraint(one, robot, when, contact_dim=contact_dim)
@@ -85,28 +87,22 @@ def _check_interval(constraint: JointInterval, model: RobotModel) -> None:
         constraint.quantity in _QUANTITIES,
         f"{name}.quantity is {constraint.quantity!r}; it must be one of {_QUANTITIES}",
     )
-    lower, upper = constraint.bounds(model)
-    for what, bound, again in zip(("lower", "upper"), (lower, upper), constraint.bounds(model), strict=True):
-        require(bound.shape == (model.nj,), f"{name}: {what} bounds must have shape ({model.nj},), not {bound.shape}")
-        require(bound.tobytes() == again.tobytes(), f"{name}.bounds is not pure: {what} differs when asked twice")
-    for joint, low, high in zip(model.joint_names, lower, upper, strict=True):
-        require(low <= high, f"{name} on {model.name}: joint {joint!r} has lower {low:g}, upper {high:g}")
-        require(
-            constraint.quantity == "position" or low <= 0.0 <= high,
-            f"{name} on {model.name}: joint {joint!r} must be allowed a {constraint.quantity} of 0, "
-            f"not [{low:g}, {high:g}]",
-        )
+    bounds, again = (accepted(bounds_of, constraint, model) for _ in range(2))
+    require(bounds.tobytes() == again.tobytes(), f"{name}.bounds is not pure: it differs when asked twice")
+    accepted(refuse_bounds, model, name, constraint.quantity, *bounds)
 
 
 def _check_barrier(constraint: Barrier, model: RobotModel, when: list[Moment]) -> None:
     dim = constraint.dim
-    filling = Filling(
-        constraint.name, model, constraint.fill, BarrierRows,
-        {"J": (dim, model.nv), "h": (dim,), "drift": (dim,), "rate": (dim,)}, zero=frozenset({"rate"}),
-    )  # fmt: skip
+    shapes = {"J": (dim, model.nv), "h": (dim,), "drift": (dim,), "rate": (dim,)}
+    other = bound(constraint, model)
+    filling, forgetful, twin = (
+        Filling(constraint.name, model, write, BarrierRows, shapes, zero=frozenset({"rate"}))
+        for write in (constraint.fill, _forgetting(constraint), _forgetting(other))
+    )
+    forgetful.check_purity(twin, when)
     size = row_sizes([(rows["J"], rows["h"]) for rows in map(filling.at, when)])
-    for first, second in zip(when, [*when[1:], when[0]], strict=True):
-        filling.check_purity(first, second)
+    for first in when:
         rows, v = filling.at(first), first[2]
         where = f"{constraint.name} on {model.name}, row "
         J, drift, rate = rows["J"], rows["drift"], rows["rate"]
@@ -131,17 +127,27 @@ def _check_barrier(constraint: Barrier, model: RobotModel, when: list[Moment]) -
             raise differs(where + str(at[0]), what="drift", wrote=drift[at], by=by, found=found[at])
 
 
+def _forgetting(barrier: Barrier) -> Callable[[RobotState, BarrierRows], None]:
+    """Its fill as after a start: which row is about what may depend on what was filled since."""
+
+    def write(state: RobotState, out: BarrierRows) -> None:
+        barrier.reset()
+        barrier.fill(state, out)
+
+    return write
+
+
 def _check_linear(constraint: LinearConstraint, model: RobotModel, when: list[Moment], contact_dim: int) -> None:
     require(
         constraint.on in _DECIDED, f"{constraint.name}.on is {constraint.on!r}; it must be one of {sorted(_DECIDED)}"
     )
     size = {"torque": model.nj, "force": contact_dim}.get(constraint.on, model.nv)
-    filling = Filling(
-        constraint.name, model, constraint.fill, ConstraintRows, {"A": (constraint.dim, size), "lo": (constraint.dim,),
-        "hi": (constraint.dim,)}, may_be_infinite=frozenset({"lo", "hi"}),
-    )  # fmt: skip
-    for first, second in zip(when, [*when[1:], when[0]], strict=True):
-        filling.check_purity(first, second)
-        rows = filling.at(first)
-        crossed = np.flatnonzero(~(rows["lo"] <= rows["hi"]))
-        require(crossed.size == 0, f"{constraint.name} on {model.name}, row {crossed[:1]}: lo is above hi")
+    shapes = {"A": (constraint.dim, size), "lo": (constraint.dim,), "hi": (constraint.dim,)}
+    filling, twin = (
+        Filling(one.name, model, one.fill, ConstraintRows, shapes, may_be_infinite=frozenset({"lo", "hi"}))
+        for one in (constraint, bound(constraint, model))
+    )
+    filling.check_purity(twin, when)
+    for moment in when:
+        rows = filling.at(moment)
+        accepted(refuse_crossed, constraint.name, rows["lo"], rows["hi"])

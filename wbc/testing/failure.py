@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import numpy as np
 
-from wbc.errors import WbcError
+from wbc.errors import InvalidInput, WbcError
+
+T = TypeVar("T")
 
 #: Differences of numbers near 1, along steps of 1e-5, are off by less.
 _TOLERANCE = 1e-5
@@ -20,6 +23,18 @@ def require(condition: Any, sentence: str) -> None:
     """Raise ``sentence`` unless ``condition``."""
     if not condition:
         raise CheckFailed(sentence)
+
+
+def accepted(call: Callable[..., T], *arguments: Any) -> T:
+    """What ``call(*arguments)`` gives, as where a stack is compiled.
+
+    Raises:
+        CheckFailed: it refuses a member, and says why.
+    """
+    try:
+        return call(*arguments)
+    except InvalidInput as refused:
+        raise CheckFailed(str(refused)) from refused
 
 
 def differs(where: str, *, what: str, wrote: float, by: str, found: float, hint: str = "") -> CheckFailed:

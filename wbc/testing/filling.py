@@ -41,38 +41,37 @@ class Filling:
         """The rows at a moment, from fresh memory; nothing wrong with them, or CheckFailed."""
         return self._fill(self._memory(poison), moment, self._state)
 
-    def check_purity(self, first: Moment, second: Moment) -> None:
-        """Twice the same bits: whatever was in the memory, and whatever was filled between.
+    def check_purity(self, twin: Filling, when: list[Moment]) -> None:
+        """Twice the same bits: whatever was in the memory, whatever was filled between or before.
+
+        ``twin``, a copy, meets the moments in the other order. Beside each of ``when`` stand those that have another
+        time, configuration or velocity alone: who keeps numbers by one of these gives those of another moment.
 
         Raises:
             CheckFailed: naming the array.
         """
-        fresh = self.at(first)
-        # Another state object, while the first one has moved on: who kept a view of the first reads it now.
-        memory, other_state = self._memory(1e3), self.model.state()
-        self.at(second)
-        self._fill(memory, second, other_state)
-        again = self._fill(memory, first, other_state)
-        for array, expected in fresh.items():
-            require(
-                again[array].tobytes() == expected.tobytes(),
-                f"{self.name}.fill is not pure: out.{array} of one state came out differently after another was "
-                f"filled; it must depend on the state alone, and write all it ever writes",
-            )
+        around = []
+        for (t, q, v), (other_t, other_q, _) in zip(when, [*when[1:], when[0]], strict=True):
+            around += [(other_t, q, v), (t, other_q, v), (t, q, 0.0 * v), (t, q, v)]
+        for first, second in zip(around, [*around[1:], around[0]], strict=True):
+            fresh = self.at(first)
+            # Another state object, while the first one has moved on: who kept a view of the first reads it now.
+            memory, other_state = self._memory(1e3), self.model.state()
+            self.at(second)
+            self._fill(memory, second, other_state)
+            self._require_same(
+                self._fill(memory, first, other_state), fresh,
+                "of one state came out differently after another was filled; it must depend on the state alone, and "
+                "write all it ever writes",
+            )  # fmt: skip
+        for moment, other in zip(around, reversed([twin.at(moment) for moment in reversed(around)]), strict=True):
+            said = "depends on the state that was filled first; it must depend on the state alone"
+            self._require_same(other, self.at(moment), said)
 
-    def check_memory(self, twin: Filling, when: list[Moment]) -> None:
-        """The same bits as ``twin``, a copy that met these moments in the other order.
-
-        Raises:
-            CheckFailed: naming the array.
-        """
-        for moment, other in zip(when, reversed([twin.at(moment) for moment in reversed(when)]), strict=True):
-            for array, expected in self.at(moment).items():
-                require(
-                    other[array].tobytes() == expected.tobytes(),
-                    f"{self.name}.fill is not pure: out.{array} depends on the state that was filled first; it must "
-                    f"depend on the state alone",
-                )
+    def _require_same(self, found: Arrays, expected: Arrays, said: str) -> None:
+        for array in expected:
+            same = found[array].tobytes() == expected[array].tobytes()
+            require(same, f"{self.name}.fill is not pure: out.{array} {said}")
 
     @cached_property
     def _state(self) -> RobotState:

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from wbc import checks
 from wbc.arguments import tells_arguments
-from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel
 from wbc.stack.member import bound
 from wbc.stack.task import LinearRows, LinearTask, Objective, Task, TaskRows
@@ -24,7 +23,7 @@ from wbc.testing.differences import (
     turned_by_target,
     velocity_names,
 )
-from wbc.testing.failure import CheckFailed, differs, require, worst
+from wbc.testing.failure import accepted, differs, require, worst
 from wbc.testing.filling import Arrays, Filling
 from wbc.testing.robots import Moment, moments, on_robots
 from wbc.types import Mat, Vec
@@ -68,8 +67,7 @@ def check_task(
         _check_description(own)
         if isinstance(own, Task):
             one, twin = _KinematicCheck(own, robot), _KinematicCheck(cast(Task, bound(task, robot)), robot)
-            one.run(when)
-            one.filling.check_memory(twin.filling, when)
+            one.run(when, twin)
         elif isinstance(own, LinearTask):
             _check_linear(own, robot, when, contact_dim)
         else:
@@ -79,10 +77,7 @@ def check_task(
 
 
 def _check_description(task: Objective) -> None:
-    try:
-        checks.rows(task.name, task)
-    except InvalidInput as refused:
-        raise CheckFailed(str(refused)) from refused
+    accepted(checks.rows, task.name, task)
     name, dim = task.name, task.dim
     require(isinstance(name, str) and name, "a task must have a name")
     weights = task.weights()
@@ -96,9 +91,11 @@ def _check_description(task: Objective) -> None:
 def _check_linear(task: LinearTask, model: RobotModel, when: list[Moment], contact_dim: int) -> None:
     require(task.on in _QUANTITIES, f"{task.name}.on is {task.on!r}; it must be one of {sorted(_QUANTITIES)}")
     size = {"torque": model.nj, "acceleration": model.nv, "force": contact_dim}[task.on]
-    filling = Filling(task.name, model, task.fill, LinearRows, {"A": (task.dim, size), "b": (task.dim,)})
-    for first, second in zip(when, [*when[1:], when[0]], strict=True):
-        filling.check_purity(first, second)
+    filling, twin = (
+        Filling(one.name, model, one.fill, LinearRows, {"A": (one.dim, size), "b": (one.dim,)})
+        for one in (task, bound(task, model))
+    )
+    filling.check_purity(twin, when)
 
 
 @final
@@ -121,12 +118,11 @@ class _KinematicCheck:
         units = [task.unit(row) for row in range(dim)]
         self.blocks = [] if task.on_joints else rotation_blocks(units)
 
-    def run(self, when: list[Moment]) -> None:
-        """All checks at all moments."""
+    def run(self, when: list[Moment], twin: _KinematicCheck) -> None:
+        """All checks at all moments; ``twin`` checks a copy of the task."""
         for gains in self.task.gains():
             require(gains.shape == (self.task.dim,), f"{self.task.name}.gains() must be of ({self.task.dim},) each")
-        for first, second in zip(when, [*when[1:], when[0]], strict=True):
-            self.filling.check_purity(first, second)
+        self.filling.check_purity(twin.filling, when)
         filled = [self.filling.at(moment) for moment in when]
         self.size = row_sizes([(self._jacobian(rows), rows["e"]) for rows in filled])
         has_error = np.any([rows["e"] != 0.0 for rows in filled], axis=0) | (self.task.gains()[0] > 0.0)
