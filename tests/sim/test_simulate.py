@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 
 import numpy as np
@@ -12,7 +13,7 @@ from tasks import Damping, JointVelocityLimits, Position, Posture, TorqueLimits
 from tests.sim.builders import stander, standing
 from wbc.control.controller import Controller
 from wbc.control.recorder import Run
-from wbc.errors import SimulationError
+from wbc.errors import InvalidInput, SimulationError
 from wbc.models import load
 from wbc.qp import QP
 from wbc.qp.conflict import conflict
@@ -159,6 +160,20 @@ class Breaking(Plant):
         if self.steps > 3:
             raise SimulationError("the gears are gone")
         return self.q, self.v
+
+
+@pytest.mark.parametrize("name", ["q", "tick_us", "plant.q", "error.Position[tool]", "signal.Counter.count"])
+def test_a_truth_of_a_plant_replaces_no_column_of_the_record(name):
+    class Knowing(Breaking):
+        steps = 0
+
+        def truth(self):
+            return {"plant.warmth": 20.0, name: np.zeros(ARM.nq)}
+
+    with pytest.raises(
+        InvalidInput, match=rf"Knowing.truth\(\) gives {re.escape(repr(name))}, a column that the record"
+    ):
+        simulate(reaching(), Knowing(ARM, 1e-3), duration=0.1)
 
 
 def test_physics_that_breaks_down_ends_the_run_with_a_reason():

@@ -150,7 +150,8 @@ class Plant(metaclass=TellsArguments):
         raise NotSupported(f"{type(self).__name__} cannot change its masses, so none can be put on {frame!r}")
 
     def truth(self) -> Mapping[str, Vec | float]:
-        """Truths about the last step that no sensor measures, by column name."""
+        """Truths about the last step that no sensor measures, by column name: numbers or arrays (k,), the same in every
+        step, and none that a record has, such as ``q`` or ``plant.q``."""
         return {}
 
     def settings(self) -> dict[str, Any]:

@@ -213,7 +213,11 @@ class _Columns(_FewColumns):
         return row
 
     def add_truth(self, row: dict[str, Any]) -> None:
-        row |= self._plant.truth()
+        truth = self._plant.truth()
+        if taken := row.keys() & truth.keys():
+            name = f"{type(self._plant).__name__}.truth()"
+            raise InvalidInput(f"{name} gives {min(taken)!r}, a column that the record has; give it another name")
+        row |= truth
 
 
 def _ticks(plant: Plant, duration: float) -> int:
