@@ -75,6 +75,17 @@ def test_nan_is_the_largest_difference():
         check_method(Nearest(3.0, slip=np.nan), solvers=["pdas"])
 
 
+@pytest.mark.parametrize("slip", [-1e-3, 1e-3])
+def test_a_difference_with_a_sign_hides_no_slip(slip: float):
+    class Signed(Nearest):
+        def difference(self, result: float, reference: float) -> Mapping[str, float]:
+            return {"number": result - reference}
+
+    check_method(Signed(3.0))
+    with pytest.raises(CheckFailed, match="number differs"):
+        check_method(Signed(3.0, slip=slip))
+
+
 def test_a_check_that_compares_nothing_fails():
     with pytest.raises(CheckFailed, match="no solver"):
         check_method(Nearest(3.0), solvers=[])

@@ -38,4 +38,5 @@ class Method(Frozen, metaclass=TellsArguments):
 
     @abstractmethod
     def difference(self, result: Any, reference: Any) -> Mapping[str, float]:
-        """Relative differences by name; infinite where one result is feasible and the other is not."""
+        """Relative differences by name; infinite where one result is feasible and the other is not. Signs do not
+        count."""

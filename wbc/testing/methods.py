@@ -77,8 +77,7 @@ def _answer(method: Method, solver: Solver) -> Any:
 def _require(method: Method, one: str, differences: Mapping[str, float], other: str, judge: str) -> None:
     """Raise for the quantity that is worst compared with what the solver ``judge`` may show; NaN is the worst."""
     excess = {
-        name: np.nan_to_num(value, nan=np.inf, posinf=np.inf) / tolerance(judge, name)
-        for name, value in differences.items()
+        name: np.nan_to_num(abs(value), nan=np.inf) / tolerance(judge, name) for name, value in differences.items()
     }
     require(excess, f"{type(method).__name__}.difference named no quantity to compare")
     worst = max(excess, key=excess.__getitem__)
