@@ -16,7 +16,9 @@ import difflib
 import sys
 import warnings
 from collections.abc import Iterable
+from copyreg import __newobj__ as newobj  # type: ignore[attr-defined]  # private by its name, documented for pickles
 from pathlib import Path
+from typing import Any
 
 #: The folders of this library.
 _LIBRARY = (Path(__file__).parent, Path(__file__).parent.parent / "tasks")
@@ -37,6 +39,10 @@ def warn(sentence: str, kind: type[Warning] = UserWarning) -> None:
 
 class WbcError(Exception):
     """Base class: catch this to catch everything the library refuses."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """The same error with the same sentence, in another process too: what it was made of is not asked again."""
+        return newobj, (type(self), *self.args), self.__dict__
 
 
 class InvalidInput(WbcError, ValueError):
@@ -125,6 +131,10 @@ class UnknownAttribute(UnknownName, AttributeError):  # type: ignore[misc]  # bo
     """No such attribute; nothing was assigned."""
 
     kind = "attribute"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        make, given, about = super().__reduce__()
+        return make, given, about | {"name": self.name}  # which stands where AttributeError has it
 
 
 class UnknownPart(UnknownName):

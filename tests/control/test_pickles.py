@@ -21,6 +21,7 @@ from tasks import (
     Damping,
     FaultReaction,
     JointLimits,
+    JointVelocity,
     MeasuredWrench,
     MomentumObserver,
     Position,
@@ -29,7 +30,8 @@ from tasks import (
     TorqueLimits,
 )
 from tests.stack.conftest import moving, standing
-from wbc.errors import WbcError
+from wbc.control.recorder import Run
+from wbc.errors import SolverFailed, SolverMissing, UnknownName, WbcError
 from wbc.qp import solvers
 from wbc.stack.member import Member
 from wbc.testing import robots
@@ -172,6 +174,45 @@ def test_a_copy_of_a_controller_leaves_the_memory_of_components_alone(way: str) 
     assert same.components[0] is not observer and same.stack.tasks[0] is not stack.tasks[0]
     assert known.any() and np.array_equal(observer.signals()["residual"], known)
     assert same.tick(0.0, ARM.q0, np.zeros(ARM.nv)).status.ok and np.array_equal(observer.signals()["residual"], known)
+
+
+def errors() -> Iterator[Exception]:
+    """What the library raises, of every kind whose sentence is made of something else."""
+    controller = wbc.Controller(ARM, wbc.Stack([Posture(ARM.q0)]), level=wbc.AccelerationLevel())
+    command = controller.tick(0.0, ARM.q0, np.zeros(ARM.nv))
+    both = [JointVelocity(np.full(ARM.nj, v)).exactly() for v in (0.1, 0.2)]
+    wrongs: list[Callable[[], Any]] = [
+        lambda: ARM.state().frame("tol"),
+        lambda: ARM.joint("shoulder"),
+        lambda: wbc.load("humanoi"),
+        lambda: wbc.load("arm", q0=np.zeros(3)),
+        lambda: wbc.solve(wbc.QP(np.eye(2), [1.0, -1.0]), "pdax"),
+        lambda: wbc.Stack(taks=[]),  # type: ignore[call-arg]
+        lambda: setattr(Damping(), "weigth", 1.0),
+        lambda: Damping().dim,
+        lambda: command.f["sole"],
+        lambda: Run({"t": [0.0]})["q"],
+        lambda: setattr(controller, "dt", 1.0),
+        lambda: wbc.Controller(ARM, wbc.Stack([Position("tool", lambda t: t.x)]), level=wbc.VelocityLevel()),
+        lambda: wbc.Controller(ARM, wbc.Stack([], subject_to=both), level=wbc.VelocityLevel()),
+    ]
+    for wrong in wrongs:
+        with pytest.raises(WbcError) as raised:
+            wrong()
+        yield raised.value
+    yield SolverMissing("piqp", "piqp")
+    yield SolverFailed("osqp", "slow")
+
+
+def test_an_error_is_the_same_error(way: str) -> None:
+    kinds = set()
+    for error in errors():
+        same = WAYS[way](error)
+        kinds.add(type(same))
+        assert type(same) is type(error) and str(same) == str(error) and vars(same).keys() == vars(error).keys()
+        if isinstance(error, UnknownName):
+            assert (same.name, same.near) == (error.name, error.near)
+    assert len(kinds) > 10
 
 
 def test_a_lambda_is_refused_as_python_refuses_it(way: str) -> None:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import os
+import pickle
+import sys
 import tempfile
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import numpy as np
@@ -251,3 +255,49 @@ def test_metadata_of_another_kind_are_refused_where_they_are_read(tmp_path: Path
     Run({"t": [0.0]}, {"dt": 0.1, "joint_names": None, name: value}).save(tmp_path)
     with pytest.raises(InvalidInput, match=rf"meta\.json: {name}"):
         Run.load(tmp_path)
+
+
+def test_a_recorder_without_rows_gives_a_run_without_columns():
+    assert dict(Recorder(3).run()) == {}
+
+
+def test_a_copy_has_rows_of_its_own():
+    recorder = Recorder(3)
+    recorder.append({"t": 0.0})
+    for same, value in ((copy.copy(recorder), 1.0), (pickle.loads(pickle.dumps(recorder)), 2.0)):
+        same.append({"t": value})
+        assert same.run()["t"].tolist() == [0.0, value]
+    recorder.append({"t": 3.0})
+    assert recorder.run()["t"].tolist() == [0.0, 3.0]
+
+
+@pytest.mark.parametrize("before", range(4))
+@pytest.mark.parametrize("more", [1, 2, 3, 7])
+@pytest.mark.parametrize("line", range(12))
+def test_rows_may_come_in_at_every_line_of_run(line: int, more: int, before: int):
+    recorder = Recorder(3)
+
+    def append(count: int) -> None:
+        for k in range(recorder.rows, recorder.rows + count):
+            recorder.append({"k": k, "x": [1.0 * k, 2.0 * k]})
+
+    append(before)
+    lines = iter(range(100))
+
+    def trace(frame: FrameType, event: str, _given: object) -> Any:
+        if frame.f_code.co_filename != Recorder.run.__code__.co_filename:
+            return None
+        if event == "line" and next(lines) == line:
+            append(more)
+        return trace
+
+    was = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        run = recorder.run()
+    finally:
+        sys.settrace(was)
+    assert before <= run.rows <= before + more
+    if run.rows:
+        assert run["k"].tolist() == list(range(run.rows))
+        np.testing.assert_array_equal(run["x"], np.outer(np.arange(run.rows), [1.0, 2.0]))

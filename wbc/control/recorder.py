@@ -10,6 +10,8 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Callable, Iterator, Mapping
+from copy import deepcopy
+from functools import partial
 from itertools import pairwise
 from math import isnan
 from operator import itemgetter
@@ -261,7 +263,12 @@ class Recorder(metaclass=TellsArguments):
         self._memory: Mat = np.empty((self.capacity, 0))
         #: Where each column stands in a row.
         self._place: dict[str, int | slice] = {}
+        self._integers = frozenset[str]()
         self._ticks: Ticks | None = None
+
+    def __copy__(self) -> Recorder:
+        """The same as ``copy.deepcopy``: a copy has rows of its own."""
+        return deepcopy(self)
 
     def tick(self, controller: Controller | Setpoint, t: float, q: Vec, v: Vec, **more: float | Vec) -> Command:
         """Call ``controller.tick(t, q, v)``, time it, record its arguments and its command, and return the command.
@@ -340,7 +347,7 @@ class Recorder(metaclass=TellsArguments):
         self._append_slowly(i, row)
 
     def run(self, meta: Mapping[str, Any] | None = None) -> Run:
-        """The rows so far as a :class:`Run`; the recorder may go on.
+        """The rows so far as a :class:`Run`; the recorder may go on, and another thread may be recording meanwhile.
 
         ``meta`` is added to the metadata of the controller. Of these it may replace the robot's name alone: the others
         say how the columns are to be read.
@@ -349,10 +356,10 @@ class Recorder(metaclass=TellsArguments):
             InvalidInput: metadata that the controller's ticks say, or of another kind than reports read, by name.
         """
         meta = {} if meta is None else checks.instance("meta", meta, Mapping, "a mapping of names")
-        n = self.rows
-        parts = [*self._full, self._memory[: n - len(self._full) * self.capacity]]
-        columns = {name: np.concatenate([part[:, place] for part in parts]) for name, place in self._place.items()}
-        columns |= {name: _whole(columns[name]) for name in self._integers}
+        n, places, memory = self.rows, self._place, self._memory  # in this order: rows may come in meanwhile
+        parts = [part[: max(0, n - k * self.capacity)] for k, part in enumerate([*self._full, memory])]
+        columns = {name: np.concatenate([part[:, place] for part in parts]) for name, place in places.items()}
+        columns |= {name: _whole(columns[name]) for name in self._integers & columns.keys()}
         if self._ticks is None:
             return Run(columns, with_more({}, meta))
         from wbc.control.ticks import about
@@ -373,8 +380,8 @@ class Recorder(metaclass=TellsArguments):
         places: dict[str, int | slice] = {name: k for k, name in enumerate(numbers)}
         ends = np.cumsum([len(numbers), *self._sizes]).tolist()
         places |= {name: slice(*own) for name, own in zip(vectors, pairwise(ends), strict=True)}
-        self._place = {name: places[name] for name in row}
         self._memory = np.empty((self.capacity, ends[-1]))
+        self._place = {name: places[name] for name in row}
         self._pick_numbers, self._pick_vectors = _getter(numbers), _getter(vectors)
 
     def _append_slowly(self, i: int, row: Row) -> None:
@@ -413,6 +420,8 @@ def _whole(values: Vec) -> Column:
 
 def _getter(names: list[str]) -> Callable[[Row], tuple[Any, ...]]:
     """itemgetter that answers with a tuple for any number of names."""
-    if len(names) < 2:
-        return lambda row: tuple(row[name] for name in names)
-    return itemgetter(*names)
+    return itemgetter(*names) if len(names) > 1 else partial(_picked, names)
+
+
+def _picked(names: list[str], row: Row) -> tuple[Any, ...]:
+    return tuple(row[name] for name in names)

@@ -16,7 +16,7 @@ from wbc.control.metadata import with_more
 from wbc.control.recorder import Recorder, Run
 from wbc.control.setpoint import Setpoint
 from wbc.control.ticks import Ticks, about, outcome
-from wbc.errors import InvalidInput, SimulationError, warn
+from wbc.errors import InvalidInput, SimulationError, WbcError, warn
 from wbc.models.model import RobotModel
 from wbc.sim.disturbance import Delay, Disturbance, Effect, SensorNoise, listed
 from wbc.sim.joining import guests
@@ -31,6 +31,8 @@ class Interrupted(KeyboardInterrupt):
     def __init__(self, run: Run, robot: RobotModel) -> None:
         self.run, self.robot = run, robot
         super().__init__(str(run.meta["ended"]))
+
+    __reduce__ = WbcError.__reduce__
 
 
 class MissingContact(UserWarning):
