@@ -8,13 +8,14 @@ a bounded command all the same, from the next fallback level (:mod:`wbc.control.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from copy import deepcopy
-from functools import partial
+from functools import partial, wraps
 from pathlib import Path
+from threading import RLock
 from time import perf_counter
-from typing import Any, final
+from typing import Any, TypeVar, cast, final
 
 import numpy as np
 
@@ -45,6 +46,24 @@ from wbc.types import Status, Vec
 UNNAMED = "the tick"
 #: A member of an Enum is slow to look up, and a tick asks for this one.
 _SOLVED = Status.SOLVED
+_F = TypeVar("_F", bound=Callable[..., Any])
+
+
+def _in_turn(method: _F) -> _F:
+    """One call at a time: another thread waits, and what runs within a call is refused, as a member that ticks."""
+
+    @wraps(method)
+    def call(self: Controller, *given: Any, **named: Any) -> Any:
+        with self.turn:
+            if self._busy:
+                raise InvalidInput(f"{method.__name__} was called within a tick of the same controller, or a replace")
+            self._busy = True
+            try:
+                return method(self, *given, **named)
+            finally:
+                self._busy = False
+
+    return cast(_F, call)
 
 
 @final
@@ -78,7 +97,8 @@ class Controller(Solving, metaclass=TellsArguments):
     """
 
     __slots__ = (
-        "_acceleration", "_former", "_kept", "_solved", "_started", "components", "fallbacks", "measured", "watch",
+        "_acceleration", "_busy", "_former", "_kept", "_solved", "_started", "components", "fallbacks", "measured",
+        "turn", "watch",
     )  # fmt: skip
 
     #: The plan that the tick before was solved with.
@@ -91,6 +111,8 @@ class Controller(Solving, metaclass=TellsArguments):
     _kept: Sequence[Component]
     #: What the last tick was given.
     measured: Measured
+    #: Held during a tick, a ``replace``, a ``reset`` and ``compile_waiting``.
+    turn: Any
 
     def __init__(
         self,
@@ -119,6 +141,7 @@ class Controller(Solving, metaclass=TellsArguments):
         self.watch = Watch(checks.instance("watchdog", watchdog, Watchdog, "wbc.Watchdog(...)"), dt)
         hierarchy = Weighted() if hierarchy is None else hierarchy
         checks.instance("hierarchy", hierarchy, Hierarchy, "Weighted(), Strict() or Scaled()")
+        self.turn, self._busy = RLock(), False
         solver = by_name(solver)
         if solver.offline:
             raise NotSupported(
@@ -147,8 +170,9 @@ class Controller(Solving, metaclass=TellsArguments):
         return deepcopy(self)
 
     @tells_arguments
+    @_in_turn
     def replace(self, stack: Stack) -> None:
-        """Replace the stack from the next tick on; call it between ticks.
+        """Replace the stack from the next tick on; call it between ticks. In another thread it delays the next tick.
 
         This compiles the stack, which takes some milliseconds for a humanoid. docs/changing.md says what continues from
         the old stack and what starts anew. If a tick fails before one of the new stack was solved, the controller
@@ -156,7 +180,7 @@ class Controller(Solving, metaclass=TellsArguments):
 
         Raises:
             InvalidInput, NotSupported, UnknownFrame, Infeasible: as when a controller is made; then this one goes on
-                with the stack that it has.
+                with the stack that it has. InvalidInput, too, where a member calls it within a tick.
 
         Example:
             >>> import numpy as np, wbc
@@ -194,6 +218,7 @@ class Controller(Solving, metaclass=TellsArguments):
     def __repr__(self) -> str:
         return f"Controller({self.model.name}, {self.level.name}, {self.hierarchy}, {self.solver.name}, dt={self.dt:g})"
 
+    @_in_turn
     def reset(self) -> None:
         """Forget everything: contacts are made anew at the next tick, components and bounds start again."""
         self.ticks, self.is_new = 0, True
@@ -209,11 +234,13 @@ class Controller(Solving, metaclass=TellsArguments):
         self.use(self.plans.whole)
 
     # ---- the tick
+    @_in_turn
     def tick(self, t: float, q: Vec, v: Vec) -> Command:
         """Decide the command for time t [s], configuration q (nq,) and velocity v (nv,).
 
         Raises:
-            InvalidInput: q or v has another shape, or an argument is not real numbers. Nothing else is raised.
+            InvalidInput: q or v has another shape, an argument is not real numbers, or a member calls it within a tick.
+                Nothing else is raised.
         """
         watch = self.watch
         start = perf_counter() if watch.timed else 0.0
@@ -366,6 +393,7 @@ class Controller(Solving, metaclass=TellsArguments):
             self.plan.intervals.remember(self._acceleration)
         self._former, self._kept, self._started = None, (), True
 
+    @_in_turn
     def compile_waiting(self) -> int:
         """Compile plans for sets of contacts that the schedule needed and had not announced.
 
@@ -386,10 +414,12 @@ class Controller(Solving, metaclass=TellsArguments):
                 invalid state, or one in which a member failed.
         """
         none = "no tick yet" + " with the stack that replaced the one before" * (self.ticks > 0)
-        if save is not None:
-            if self.is_new or not self.has_problem:
-                of = "state of the last tick is invalid" if self.status is Status.INVALID_STATE else "last tick failed"
-                why = f"there is {none}" if self.is_new else f"the {of}: {self.why}"
-                raise InvalidInput(f"there is no problem that could be saved: {why}")
-            reproducer(self).save(save)
-        return none if self.is_new else explain(self)
+        with self.turn:
+            if save is not None:
+                if self.is_new or not self.has_problem:
+                    invalid = self.status is Status.INVALID_STATE
+                    of = "state of the last tick is invalid" if invalid else "last tick failed"
+                    why = f"there is {none}" if self.is_new else f"the {of}: {self.why}"
+                    raise InvalidInput(f"there is no problem that could be saved: {why}")
+                reproducer(self).save(save)
+            return none if self.is_new else explain(self)
