@@ -27,6 +27,7 @@ from tests.stack.conftest import feet
 from wbc import AccelerationLevel, Controller, InverseDynamics, Stack, VelocityLevel
 from wbc.types import Status, Vec
 
+pytest.importorskip("example_robot_data", reason="the extra `robots`")
 ARM, UR5 = wbc.load("arm"), wbc.load("ur5")
 LEVELS = [VelocityLevel, AccelerationLevel, InverseDynamics]
 DT = 2e-3

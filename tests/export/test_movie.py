@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from PIL import Image
 
 from tests.report.conftest import reaching_run, standing_run
 from wbc.control.recorder import Run
@@ -22,6 +21,8 @@ from wbc.models import load
 from wbc.models.collision import Obstacle
 from wbc.models.geometry import Sphere
 from wbc.report.shapes import parts
+
+Image = pytest.importorskip("PIL.Image", reason="the extra `export`")
 
 SIZE = (160, 120)
 

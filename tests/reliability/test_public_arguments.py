@@ -9,6 +9,8 @@ import pytest
 from tests.reliability import walker
 from wbc.errors import InvalidInput
 
+pytest.importorskip("gymnasium", reason="the extra `gym`: every public class is walked over")
+
 PUBLIC = walker.public()
 
 

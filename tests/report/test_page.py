@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from wbc.control.recorder import Run
 from wbc.models import load
@@ -18,6 +17,8 @@ from wbc.sim.scenario import Check, Place, ScenarioResult
 
 from .browser import Browser, browser, installed
 from .conftest import result_of, standing_run
+
+Image = pytest.importorskip("PIL.Image", reason="the extra `report`, whose matplotlib brings it")
 
 CHROMIUM = installed()
 pytestmark = [

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import mujoco
 import numpy as np
 import pytest
 
 import wbc
 from wbc.errors import SimulationError
 from wbc.sim.bridge import Bridge
+
+mujoco = pytest.importorskip("mujoco", reason="the extra `sim`")
 
 LEG = '<body name="{0}" pos="{1} 0 0"><joint name="{0}_hip" axis="1 2 0"/><geom size="0.05" pos="0 0 -0.2"/></body>'
 #: Limbs in an order that is not alphabetical, behind a thing that lies about.
