@@ -13,7 +13,7 @@ import pytest
 
 import wbc
 from tests.stack.conftest import moving
-from wbc.tasks import CenterOfMass, JointLimits, Position, Posture, TorqueLimits, feet
+from wbc.tasks import CenterOfMass, Damping, JointLimits, Position, Posture, TorqueLimits, feet
 from wbc.testing import robots
 from wbc.types import Vec
 
@@ -35,6 +35,29 @@ class Meanwhile:
         return self.value
 
 
+def beside(function: str, line: int, work: Callable[[], object], *, during: Callable[[], object]) -> None:
+    """Let another thread work while this one is at a line, counted as they run, of a function of that name."""
+    others, lines = list[Thread](), iter(range(1000))
+
+    def trace(frame: FrameType, event: str, _given: object) -> Any:
+        if frame.f_code.co_name != function:
+            return None
+        if event == "line" and next(lines) == line:
+            others.append(Thread(target=work))
+            others[0].start()
+            others[0].join(0.3)
+        return trace
+
+    was = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        during()
+    finally:
+        sys.settrace(was)
+    for other in others:
+        other.join()
+
+
 def arm(target: Any = GOAL, hierarchy: Any = None) -> wbc.Controller:
     stack = wbc.Stack([Position("tool", target=target), Posture(ARM.q0, weight=1e-2)], subject_to=[JointLimits()])
     return wbc.Controller(ARM, stack, level=wbc.AccelerationLevel(), hierarchy=hierarchy)
@@ -45,11 +68,11 @@ def test_ticks_of_two_threads_are_those_of_one_after_the_other(hierarchy: Any) -
     states = [moving(ARM, seed) for seed in (1, 2)]
     alone = [arm(hierarchy=hierarchy).tick(0.0, *state).a for state in states]
     other = list[wbc.Command]()
-    beside = Meanwhile(GOAL, lambda: other.append(controller.tick(1e-3, *states[1])))
-    controller = arm(beside, hierarchy)
-    beside.armed = True
+    target = Meanwhile(GOAL, lambda: other.append(controller.tick(1e-3, *states[1])))
+    controller = arm(target, hierarchy)
+    target.armed = True
     first = controller.tick(0.0, *states[0])
-    beside.threads[0].join()
+    target.threads[0].join()
     for command, a in zip([first, *other], alone, strict=True):
         assert command.status.ok
         np.testing.assert_allclose(command.a, a, atol=1e-6)
@@ -66,29 +89,10 @@ def standing(com: Any) -> wbc.Stack:
 def test_a_tick_of_another_thread_during_a_replace_keeps_contacts_where_they_are(line: int) -> None:
     com, still = QUADRUPED.state().com.copy(), np.zeros(QUADRUPED.nv)
     q = QUADRUPED.integrate(QUADRUPED.q0, np.full(QUADRUPED.nv, 0.01))
-    others = list[Thread]()
-    lines = iter(range(100))
-
-    def trace(frame: FrameType, event: str, _given: object) -> Any:
-        if frame.f_code.co_name != "replace":
-            return None
-        if event == "line" and next(lines) == line:
-            others.append(Thread(target=lambda: controller.tick(1e-3, q, still)))
-            others[0].start()
-            others[0].join(0.3)
-        return trace
-
     controller = wbc.Controller(QUADRUPED, standing(com), level=wbc.InverseDynamics())
     controller.tick(0.0, QUADRUPED.q0, still)
     right = controller.tick(1e-3, q, still).a
-    was = sys.gettrace()
-    sys.settrace(trace)
-    try:
-        controller.replace(standing(com))
-    finally:
-        sys.settrace(was)
-    for other in others:
-        other.join()
+    beside("replace", line, lambda: controller.tick(1e-3, q, still), during=lambda: controller.replace(standing(com)))
     command = controller.tick(2e-3, q, still)
     assert command.status.ok
     np.testing.assert_allclose(command.a, right, atol=1e-6)
@@ -142,3 +146,32 @@ def test_a_tick_that_is_interrupted_leaves_the_next_one_right(hierarchy: Any, li
 
     for found, right in zip(decided(True), decided(False), strict=True):
         np.testing.assert_allclose(found, right, atol=1e-6)
+
+
+@pytest.mark.parametrize("line", range(40))
+def test_what_two_threads_assign_to_one_task_reaches_a_controller(line: int) -> None:
+    task = Position("tool", target=GOAL, kp=50.0)
+    controller = wbc.Controller(ARM, wbc.Stack([task]), level=wbc.AccelerationLevel())
+    controller.tick(0.0, *moving(ARM, 1))
+
+    def work() -> None:
+        task.target = GOAL + 0.1
+        controller.tick(1e-3, *moving(ARM, 1))
+
+    beside("_assign", line, work, during=lambda: setattr(task, "kp", 70.0))
+    controller.tick(2e-3, *moving(ARM, 1))
+    own = controller.plan.stack.tasks[0]
+    assert own.kp == task.kp == 70.0
+    np.testing.assert_array_equal(own.target, task.target)
+
+
+@pytest.mark.parametrize("line", range(12))
+def test_what_is_assigned_while_a_controller_is_made_reaches_it(line: int) -> None:
+    task, made = Damping(), list[wbc.Controller]()
+    stack = wbc.Stack([task], subject_to=[JointLimits()])
+    beside(
+        "own", line, lambda: setattr(task, "weight", 3.0),
+        during=lambda: made.append(wbc.Controller(ARM, stack, level=wbc.AccelerationLevel())),
+    )  # fmt: skip
+    made[0].tick(0.0, *moving(ARM, 1))
+    assert made[0].plan.stack.tasks[0].weight == task.weight
