@@ -47,6 +47,7 @@ UNNAMED = "the tick"
 #: A member of an Enum is slow to look up, and a tick asks for this one.
 _SOLVED = Status.SOLVED
 _F = TypeVar("_F", bound=Callable[..., Any])
+_WITHIN = "{} was called within a tick of the same controller, or a replace"
 
 
 def _in_turn(method: _F) -> _F:
@@ -56,7 +57,7 @@ def _in_turn(method: _F) -> _F:
     def call(self: Controller, *given: Any, **named: Any) -> Any:
         with self.turn:
             if self._busy:
-                raise InvalidInput(f"{method.__name__} was called within a tick of the same controller, or a replace")
+                raise InvalidInput(_WITHIN.format(method.__name__))
             self._busy = True
             try:
                 return method(self, *given, **named)
@@ -234,7 +235,6 @@ class Controller(Solving, metaclass=TellsArguments):
         self.use(self.plans.whole)
 
     # ---- the tick
-    @_in_turn
     def tick(self, t: float, q: Vec, v: Vec) -> Command:
         """Decide the command for time t [s], configuration q (nq,) and velocity v (nv,).
 
@@ -242,36 +242,43 @@ class Controller(Solving, metaclass=TellsArguments):
             InvalidInput: q or v has another shape, an argument is not real numbers, or a member calls it within a tick.
                 Nothing else is raised.
         """
-        watch = self.watch
-        start = perf_counter() if watch.timed else 0.0
-        measured = self.measured
-        t, q, v = measured.read(t, q, v)
-        self.ticks += 1
-        self.serial += 1
-        self.is_new, self.has_problem = False, True
-        odd = watch.seen(t)
-        self.why = measured.take(t, q, v) or odd
-        if self.why:
-            command = self.fallbacks.unposed(Status.INVALID_STATE)
-        else:
-            decide = self._decide if self.mode.is_compiled else self._decide_in_silence
+        with self.turn:  # written out: in every tick a decorator costs more than this
+            if self._busy:
+                raise InvalidInput(_WITHIN.format("tick"))
+            self._busy = True
             try:
-                command = decide(t, measured.moment)
-            except Exception as cause:  # members are users' code, and may raise anything anywhere
-                self.why = str(cause if isinstance(cause, WbcError) else MemberFailed(UNNAMED, cause))
-                command = self.fallbacks.unposed(Status.FAILED, measured.moment)
-        intervals = self.plan.intervals
-        if intervals.remembers:
-            accuracy = MET if self._level.order == 2 else MET / self._dt
-            jerks = intervals.remember(self._accelerated(command), accuracy=accuracy)
-            if jerks and command.status.ok:
-                self.why = f"{self.why}; {jerks}" if self.why else jerks
-        for component in filter(self._has, self.components):
-            self._tell(component, command)
-        self.last = command
-        if watch.timed and (why := watch.took(start)):
-            self.fallbacks.write_down(command, why)
-        return command
+                watch = self.watch
+                start = perf_counter() if watch.timed else 0.0
+                measured = self.measured
+                t, q, v = measured.read(t, q, v)
+                self.ticks += 1
+                self.serial += 1
+                self.is_new, self.has_problem = False, True
+                odd = watch.seen(t)
+                self.why = measured.take(t, q, v) or odd
+                if self.why:
+                    command = self.fallbacks.unposed(Status.INVALID_STATE)
+                else:
+                    decide = self._decide if self.mode.is_compiled else self._decide_in_silence
+                    try:
+                        command = decide(t, measured.moment)
+                    except Exception as cause:  # members are users' code, and may raise anything anywhere
+                        self.why = str(cause if isinstance(cause, WbcError) else MemberFailed(UNNAMED, cause))
+                        command = self.fallbacks.unposed(Status.FAILED, measured.moment)
+                intervals = self.plan.intervals
+                if intervals.remembers:
+                    accuracy = MET if self._level.order == 2 else MET / self._dt
+                    jerks = intervals.remember(self._accelerated(command), accuracy=accuracy)
+                    if jerks and command.status.ok:
+                        self.why = f"{self.why}; {jerks}" if self.why else jerks
+                for component in filter(self._has, self.components):
+                    self._tell(component, command)
+                self.last = command
+                if watch.timed and (why := watch.took(start)):
+                    self.fallbacks.write_down(command, why)
+                return command
+            finally:
+                self._busy = False
 
     def _accelerated(self, command: Command) -> Vec:
         """The joint accelerations (nj,) of a command that was decided in the present state."""
@@ -414,12 +421,10 @@ class Controller(Solving, metaclass=TellsArguments):
                 invalid state, or one in which a member failed.
         """
         none = "no tick yet" + " with the stack that replaced the one before" * (self.ticks > 0)
-        with self.turn:
-            if save is not None:
-                if self.is_new or not self.has_problem:
-                    invalid = self.status is Status.INVALID_STATE
-                    of = "state of the last tick is invalid" if invalid else "last tick failed"
-                    why = f"there is {none}" if self.is_new else f"the {of}: {self.why}"
-                    raise InvalidInput(f"there is no problem that could be saved: {why}")
-                reproducer(self).save(save)
-            return none if self.is_new else explain(self)
+        if save is not None:
+            if self.is_new or not self.has_problem:
+                of = "state of the last tick is invalid" if self.status is Status.INVALID_STATE else "last tick failed"
+                why = f"there is {none}" if self.is_new else f"the {of}: {self.why}"
+                raise InvalidInput(f"there is no problem that could be saved: {why}")
+            reproducer(self).save(save)
+        return none if self.is_new else explain(self)
