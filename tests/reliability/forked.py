@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from wbc.errors import WbcError
 
-PATIENCE = 10.0  # seconds
+PATIENCE = 120.0  # seconds: on a busy machine a sound call waits for a processor
 MEMORY = 6 << 30  # bytes of address space
 
 
