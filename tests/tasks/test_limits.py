@@ -1,4 +1,4 @@
-"""Limits come from the model or are given by number, array or joint name; nonsense is refused by joint name."""
+"""Limits come from the model or are given by number, array or joint name; torque limits may fall with speed."""
 
 from __future__ import annotations
 
@@ -8,10 +8,24 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from tasks import JointAccelerationLimits, JointPositionLimits, JointVelocityLimits, TorqueLimits
+from tasks import (
+    JointAccelerationLimits,
+    JointLimits,
+    JointPositionLimits,
+    JointVelocity,
+    JointVelocityLimits,
+    Posture,
+    TorqueLimits,
+    TorqueSpeedLimits,
+)
+from tests.stack.conftest import Saying
+from wbc import Controller, InverseDynamics, Overrides, Stack
 from wbc.errors import InvalidInput
 from wbc.testing import robots
+from wbc.types import Vec
 
 ARM = robots()[0]
 FIRST, SECOND = ARM.joint_names[:2]
@@ -51,17 +65,24 @@ def test_the_limits_of_the_model_are_copied():
     assert ARM.limits.q_max.any()
 
 
-@pytest.mark.parametrize("value", [0.0, -1.0, np.nan])
 @pytest.mark.parametrize(
-    ("constraint", "field", "argument"),
-    [(JointVelocityLimits, "v_max", "v_max"), (TorqueLimits, "tau_max", "tau_max")],
-)
-def test_a_limit_of_the_model_that_makes_no_sense_is_refused_and_can_be_overruled(constraint, field, argument, value):
+    ("constraint", "field", "value", "says", "own"),
+    [
+        *((kind, field, value, f"{field} of joint '{FIRST}' is .*Pass {field}=.* to overrule", {field: {FIRST: 3.0}})
+          for kind, field in ((JointVelocityLimits, "v_max"), (TorqueLimits, "tau_max"))
+          for value in (0.0, -1.0, np.nan)),
+        (JointPositionLimits, "q_max", -100.0, f"joint '{FIRST}' has limits .*lower must not be above upper",
+         {"upper": {FIRST: 3.0}}),
+    ],
+)  # fmt: skip
+def test_a_limit_of_the_model_that_makes_no_sense_is_refused_and_can_be_overruled(
+    constraint: Any, field: str, value: float, says: str, own: dict[str, Any]
+):
     robot = with_limit(field, value)
-    with pytest.raises(InvalidInput, match=f"{argument} of joint '{FIRST}' is .*Pass {argument}=.* to overrule"):
+    with pytest.raises(InvalidInput, match=says):
         constraint().prepare(robot)
-    constraint({FIRST: 3.0}).prepare(robot)
-    assert constraint({FIRST: 3.0}).bounds(robot)[1][0] == 3.0
+    constraint(**own).prepare(robot)
+    assert constraint(**own).bounds(robot)[1][0] == 3.0
 
 
 def test_all_joints_whose_limits_make_no_sense_are_named_at_once():
@@ -73,13 +94,6 @@ def test_all_joints_whose_limits_make_no_sense_are_named_at_once():
             constraint.prepare(slow)
         assert all(f"joint {name!r}" in str(refusal.value) for name in names)
     JointVelocityLimits(dict.fromkeys(names, 1.0)).prepare(slow)
-
-
-def test_crossed_position_limits_are_refused_by_joint_name():
-    robot = with_limit("q_max", -100.0)
-    with pytest.raises(InvalidInput, match=f"joint '{FIRST}' has limits .*lower must not be above upper"):
-        JointPositionLimits().prepare(robot)
-    JointPositionLimits(upper={FIRST: 1.0}).prepare(robot)
 
 
 @pytest.mark.parametrize("wrong", range(1, 8))
@@ -95,3 +109,60 @@ def test_a_limit_that_many_joints_get_wrong_names_three_of_them(wrong: int):
 def test_equal_position_limits_are_allowed():
     lower, upper = JointPositionLimits(lower={FIRST: 0.2}, upper={FIRST: 0.2}).bounds(ARM)
     assert lower[0] == upper[0] == 0.2
+
+
+# ---- torque against speed: a motor gives what its curve leaves it, and brakes with all it has
+def narrowed(constraint: TorqueSpeedLimits, v: Any) -> tuple[Vec, Vec]:
+    constraint.prepare(ARM)
+    lower, upper = constraint.bounds(ARM)
+    constraint.narrow(np.full(ARM.nj, v, dtype=np.float64), lower, upper)
+    return lower, upper
+
+
+@pytest.mark.parametrize(
+    ("v", "lower", "upper"),
+    [(0.0, -10.0, 10.0), (1.0, -10.0, 10.0), (2.0, -10.0, 10.0), (3.0, -10.0, 5.0), (4.0, -10.0, 0.0),
+     (9.0, -10.0, 0.0), (-3.0, -5.0, 10.0), (-9.0, 0.0, 10.0)],
+)  # fmt: skip
+def test_full_up_to_the_corner_then_falling_to_nothing(v: float, lower: float, upper: float):
+    found = narrowed(TorqueSpeedLimits(4.0, 10.0, corner_speed=2.0), v)
+    np.testing.assert_allclose([bound[0] for bound in found], (lower, upper), atol=1e-12)
+
+
+@given(st.floats(-1e3, 1e3), st.floats(1e-2, 1e2), st.floats(0.0, 0.99))
+def test_zero_is_always_allowed_and_neither_side_jumps(v: float, free: float, corner: float):
+    constraint = TorqueSpeedLimits(free, 10.0, corner_speed=corner * free)
+    (lower, upper), (low, high) = narrowed(constraint, v), narrowed(constraint, v + 1e-9 * free)
+    assert (lower <= 0.0).all() and (upper >= 0.0).all()
+    np.testing.assert_allclose((low, high), (lower, upper), atol=1e-5)
+
+
+def test_joints_left_out_keep_what_the_model_says():
+    lower, upper = narrowed(TorqueSpeedLimits({FIRST: 1.0}), 100.0)
+    assert (lower[0], upper[0]) == (-ARM.limits.tau_max[0], 0.0)
+    np.testing.assert_array_equal(upper[1:], ARM.limits.tau_max[1:])
+
+
+@pytest.mark.parametrize("limits", [lambda: [TorqueSpeedLimits(2.0)], lambda: [JointLimits(no_load_speed=2.0)]])
+def test_a_controller_commands_no_more_than_the_speed_leaves(limits: Any):
+    faster = JointVelocity(np.full(ARM.nj, 3.0), kd=200.0)
+    controller = Controller(ARM, Stack([faster], subject_to=[*limits(), TorqueLimits()]), level=InverseDynamics())
+    constraint = TorqueSpeedLimits(2.0)
+    tight = 0
+    for v in (0.0, 0.5, 1.5, 1.9):
+        command = controller.tick(0.0, ARM.q0, np.full(ARM.nv, v))
+        lower, upper = narrowed(constraint, v)
+        assert (command.tau <= upper + 1e-8).all() and (command.tau >= lower - 1e-8).all()
+        tight += int((command.tau > upper - 1e-6).sum())
+    assert tight > 0
+
+
+def test_what_a_component_takes_away_stays_away():
+    saying = Saying()
+    stack = Stack([Posture(ARM.q0)], subject_to=[TorqueSpeedLimits(2.0)], components=[saying])
+    controller = Controller(ARM, stack, level=InverseDynamics())
+    controller.tick(0.0, ARM.q0, np.zeros(ARM.nv))
+    saying.now = Overrides(torque=(-1.0, 1.0))
+    command = controller.tick(0.0, ARM.q0 + 0.1, np.zeros(ARM.nv))
+    assert np.abs(command.tau).max() <= 1.0 + 1e-8
+    assert np.abs(controller.plan.torque_range[1]).max() <= 1.0
