@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 import wbc
 from tasks import Admittance, Frame, Impedance, JointAdmittance, MeasuredWrench
 from tests.tasks.rows_of import linear_rows, moment, rows
+from tests.tasks.running import obeyed
 from wbc.models.model import RobotState
 from wbc.testing import moments, robots
 from wbc.testing.strategies import states
@@ -49,6 +50,15 @@ def test_at_a_singular_posture_an_impedance_is_still_defined():
     assert np.linalg.norm(out.b + drift) <= reach * np.linalg.norm(force) * (1.0 + 1e-9)
 
 
+def pushed(force: Any, M: Any, D: Any, K: Any, level: Any, ticks: int) -> Any:
+    """How far M a + D v + K x = force has come after so many milliseconds; without its mass where velocities decide."""
+    x, v = 0.0 * force, 0.0 * force
+    for _ in range(ticks):
+        v = (force - K * x) / D if level.order == 1 else v + 1e-3 * (force - D * v - K * x) / M
+        x = x + 1e-3 * v
+    return x
+
+
 @pytest.mark.parametrize("level", [wbc.VelocityLevel(), wbc.AccelerationLevel(), wbc.InverseDynamics()])
 @pytest.mark.parametrize("stiffness", [200.0, 0.0])
 def test_an_admittance_moves_as_the_mass_it_stands_for(level: Any, stiffness: float):
@@ -60,18 +70,9 @@ def test_an_admittance_moves_as_the_mass_it_stands_for(level: Any, stiffness: fl
     # The sensor tells the dynamics of the same force, so that the torques it costs are known.
     sensor = [MeasuredWrench(TOOL, wrench=F)] if level.dynamics else []
     controller = wbc.Controller(ARM, wbc.Stack([task], components=sensor), level=level, dt=1e-3)
-    q, v, start = state.q.copy(), np.zeros(7), state.frame(TOOL).position.copy()
-    x, speed = np.zeros(3), np.zeros(3)
-    for tick in range(200):
-        command = controller.tick(1e-3 * tick, q, v)
-        assert command.status.ok
-        q, v = command.q, command.v
-        if level.order == 1:
-            speed = (F - stiffness * x) / D
-        else:
-            speed = speed + 1e-3 * (F - D * speed - stiffness * x) / M
-        x = x + 1e-3 * speed
-    moved = moment(ARM, q).frame(TOOL).position - start
+    *_, (q, _) = obeyed(controller, 200, state.q)
+    x = pushed(F, M, D, stiffness, level, 200)
+    moved = moment(ARM, q).frame(TOOL).position - state.frame(TOOL).position
     assert np.linalg.norm(x) > 5e-3
     np.testing.assert_allclose(moved, x, atol=0.02 * np.linalg.norm(x))
 
@@ -114,13 +115,8 @@ def test_pushed_joints_move_as_the_inertias_they_stand_for(level: Any):
     torque = np.array([2.0, -1.0, 0.5, 1.0, 0.0, 0.5, -2.0])
     task = JointAdmittance(ARM.q0, inertia=M, damping=D, stiffness=K, torque=torque)
     controller = wbc.Controller(ARM, wbc.Stack([task]), level=level, dt=1e-3)
-    q, v = np.array(ARM.q0), np.zeros(7)
-    x, speed = np.zeros(7), np.zeros(7)
-    for tick in range(300):
-        command = controller.tick(1e-3 * tick, q, v)
-        q, v = command.q, command.v
-        speed = (torque - K * x) / D if level.order == 1 else speed + 1e-3 * (torque - D * speed - K * x) / M
-        x = x + 1e-3 * speed
+    *_, (q, _) = obeyed(controller, 300)
+    x = pushed(torque, M, D, K, level, 300)
     np.testing.assert_allclose(q - ARM.q0, x, atol=0.01 * np.abs(x).max())
     task.torque = lambda t: 0.0 * torque
     task.torque = 0.0

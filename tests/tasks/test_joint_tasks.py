@@ -20,6 +20,7 @@ from tasks import (
     Posture,
 )
 from tests.tasks.rows_of import finite, moment, rows
+from tests.tasks.running import obeyed
 from wbc.models.model import RobotState
 from wbc.testing import check_task, moments, robots
 from wbc.testing.strategies import states
@@ -63,11 +64,7 @@ def test_geared_joints_do_what_the_robot_without_them_would(level: Any, state: R
 def test_a_gear_that_slipped_comes_back_and_stays(level: Any):
     gear = JointCoupling("elbow", to={"shoulder_pitch": -2.0}, offset=0.1)
     stack = wbc.Stack([Posture(ARM.q0, kp=4.0, weight=1e-2)], subject_to=[gear.exactly()])
-    controller = wbc.Controller(ARM, stack, level=level, dt=5e-3)
-    q, v = np.array(ARM.q0), np.zeros(7)
-    for tick in range(300):
-        command = controller.tick(5e-3 * tick, q, v)
-        q, v = command.q, command.v
+    *_, (q, _) = obeyed(wbc.Controller(ARM, stack, level=level, dt=5e-3), 300)
     assert abs(rows(gear, moment(ARM, q)).e[0]) < 1e-3 * abs(rows(gear, ARM.state()).e[0])
 
 
@@ -100,11 +97,8 @@ def test_of_two_ways_to_a_velocity_the_light_one_is_taken():
     task = Frame(TOOL, target=np.eye(4))
     out = rows(task, state)
     y = 5.0 * out.e
-    v = (
-        wbc.Controller(ARM, wbc.Stack([KineticEnergy()], subject_to=[task.exactly()]), level=wbc.VelocityLevel())
-        .tick(0.0, state.q, state.v)
-        .v
-    )
+    stack = wbc.Stack([KineticEnergy()], subject_to=[task.exactly()])
+    v = wbc.Controller(ARM, stack, level=LEVELS[0]).tick(0.0, state.q, state.v).v
     by_inertia = np.linalg.solve(state.M, out.J.T)
     np.testing.assert_allclose(v, by_inertia @ np.linalg.solve(out.J @ by_inertia, y), atol=1e-5)
 
@@ -138,10 +132,7 @@ def test_at_a_singular_posture_manipulability_is_smooth(smoothing: float):
 
 def test_an_arm_bends_to_the_manipulability_it_is_asked_for():
     task = ManipulabilityTask(TOOL, target=0.1, kp=25.0)
+    stack = wbc.Stack([task, Posture(ARM.q0, weight=1e-6)])
     for level in LEVELS[:2]:
-        controller = wbc.Controller(ARM, wbc.Stack([task, Posture(ARM.q0, weight=1e-6)]), level=level, dt=0.01)
-        q, v = np.array(ARM.q0), np.zeros(7)
-        for tick in range(300):
-            command = controller.tick(0.01 * tick, q, v)
-            q, v = command.q, command.v
+        *_, (q, _) = obeyed(wbc.Controller(ARM, stack, level=level, dt=0.01), 300)
         assert abs(rows(task, moment(ARM, q)).e[0]) < 1e-3
