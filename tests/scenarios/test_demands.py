@@ -5,15 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import product
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
 
 import wbc
-from tasks import Damping, feet
-from tasks.components.diagnosis import Diagnosis
+from tasks import MomentumObserver, feet
+from tasks.components.diagnosis import ACTUATOR, Diagnosis
+from tasks.components.load import Load
 from tasks.scenarios import fault_scenario
+from tasks.scenarios.diagnosis_statistics import Case as Judged
+from tasks.scenarios.diagnosis_statistics import DiagnosisStatistics, Draw
 from tasks.scenarios.fault_family import PERIOD
 from tasks.scenarios.fault_scenario import FaultScenario, reason
 from tasks.scenarios.fault_statistics import Fault, FaultStatistics, Stretch
@@ -23,11 +26,11 @@ from tasks.scenarios.humanoid_stand import STANCES
 from tasks.scenarios.least_torque import least_torque
 from tasks.scenarios.quadruped_actuator_weak import QuadrupedActuatorWeak
 from tasks.scenarios.quadruped_joint_loss import QuadrupedJointLoss
+from tests.scenarios.runs import failed, parameters, resting, trial
 from wbc.control.recorder import Run
 from wbc.sim.actuator_fault import ActuatorFault
-from wbc.sim.plant import ForwardDynamicsPlant
-from wbc.sim.scenario import Check, Parameters, Settings, Trial
-from wbc.sim.simulate import simulate
+from wbc.sim.disturbance import Payload
+from wbc.sim.scenario import Check
 
 HUMANOID = wbc.load("humanoid", base="floating")
 JOINT, FAULT, LEFT = "the joint", 1.0, 0.5
@@ -64,12 +67,8 @@ def demanded(
     scenario: FaultScenario, without: list[dict[str, Any]], answered: list[dict[str, Any]], *, noise: bool = False
 ) -> list[Check]:
     robot = "quadruped" if "quadruped" in scenario.name else "humanoid"
-    p = Parameters(scenario.parse([f"robot={robot}", f"noise={noise}"]), Settings("mujoco", "weighted", 1.0))
+    p = parameters(scenario, f"robot={robot}", f"noise={noise}")
     return list(scenario.demand([outcome(**one) for one in without], [outcome(**one) for one in answered], p))
-
-
-def failed(checks: list[Check]) -> set[str]:
-    return {check.text for check in checks if not check.ok}
 
 
 @each_scenario
@@ -205,7 +204,7 @@ def test_motors_fail_at_moments_of_one_period_of_the_full_sway_each_without_and_
 ) -> None:
     monkeypatch.setattr(fault_scenario, "learnt", lambda stand, solver: None)
     robot = "quadruped" if "quadruped" in scenario.name else "humanoid"
-    p = Parameters(scenario.parse([f"robot={robot}"]), Settings("mujoco", "weighted", 1.0))
+    p = parameters(scenario, f"robot={robot}")
     cases = [case["case"] for case in scenario.cases(p).values()]
     for without, answered in zip(cases[::2], cases[1::2], strict=True):
         assert answered.react and vars(without) == vars(answered) | {"react": False}
@@ -230,18 +229,100 @@ SEEN: dict[str, tuple[list[Fault], tuple[int, float], str]] = {
 @pytest.mark.parametrize("flaw", SEEN)
 def test_statistics_of_faults_demand_each_of_their_figures(flaw: str) -> None:
     faults, window, said = SEEN[flaw]
-    robot, scenario, none = wbc.load("arm"), FaultStatistics(), cast("Any", None)
+    robot, scenario = wbc.load("arm"), FaultStatistics()
     about = SimpleNamespace(
         found=lambda run: faults, sound=lambda run: [window], waving=SimpleNamespace(threshold=np.ones(robot.nj))
     )
-    setup: Any = SimpleNamespace(
-        robot=None, plant=SimpleNamespace(model=robot), about=about, stack=wbc.Stack([Damping()])
-    )
-    p = Parameters(scenario.parse(["robot=arm"]), Settings("mujoco", "weighted", 1.0))
-    plant = ForwardDynamicsPlant(robot)
-    plant.reset(robot.q0)
-    run = simulate(wbc.Controller(robot, wbc.Stack([Damping()]), level=wbc.InverseDynamics()), plant, duration=2e-3)
-    result = scenario.judge(iter([Trial("", setup, none, run)]), p)
-    texts = failed(list(result.verdict))
+    plant, run = resting(robot)
+    result = scenario.judge(iter([trial(plant, about, run)]), parameters(scenario, "robot=arm"))
+    texts = failed(result)
     assert len(texts) == len(said and [said]) and all(said in text for text in texts)
     assert result.ok is not bool(said)
+
+
+# ---- what each diagnosis counts as in the statistics, and what share may be wrong
+ARM = wbc.load("arm")
+MOTOR, OTHER = 1, 3
+
+
+def said(kind: str, joint: int = MOTOR, **more: Any) -> Diagnosis:
+    return Diagnosis(kind, joint, ARM.joint_names[joint], 1.0, 1.0, np.zeros(ARM.nj), **more)
+
+
+def weighed(mass: float, **more: Any) -> Diagnosis:
+    return said("payload", OTHER, load=Load("tool", mass, np.zeros(3)), **more)
+
+
+def drawn(truth: str, *, missing: float = 8.0) -> Any:
+    """What happened: it misses ``missing`` thresholds; a load weighs 2 kg."""
+    disturbance = Payload("tool", mass=2.0, start=0.5) if truth == "payload" else None
+    waving = SimpleNamespace(threshold=np.full(ARM.nj, 0.5))
+    return SimpleNamespace(
+        truth=truth, joint=MOTOR, start=0.5, disturbance=disturbance, waving=waving,
+        missing=-0.5 * missing * np.eye(ARM.nj)[MOTOR],
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ACTUATOR)
+def test_a_motor_is_called_by_its_law_and_another_motor_is_blamed(kind: str) -> None:
+    right, wrong = (Judged.of(drawn(kind), [said(kind, joint)]) for joint in (MOTOR, OTHER))
+    assert (right.first, right.final, right.accused) == (kind, kind, (False, False))
+    assert (wrong.first, wrong.final, wrong.accused) == ("another motor", "another motor", (True, True))
+    assert right.size == pytest.approx(8.0)
+
+
+def test_of_several_diagnoses_the_first_and_what_is_held_in_the_end_count() -> None:
+    push = Judged.of(drawn("push"), [said("total"), said("external", instead_of=(MOTOR,))])
+    assert (push.first, push.final, push.accused) == ("total", "external", (True, False))
+    motor = Judged.of(drawn("partial"), [said("external", OTHER), said("partial")])
+    assert (motor.first, motor.final) == ("external", "partial"), "a motor before a push"
+    load = Judged.of(drawn("payload"), [said("external", OTHER), said("bias"), weighed(2.5)])
+    assert (load.first, load.final) == ("external", "payload"), "a load before a motor"
+    assert load.mass_error == pytest.approx(0.5)
+    nothing = Judged.of(drawn("push"), [])
+    assert (nothing.first, nothing.final, nothing.accused) == ("nothing", "nothing", (False, False))
+
+
+RIGHT = {
+    "total": [said("total")], "push": [said("external")], "payload": [said("external"), weighed(2.0)],
+}  # fmt: skip
+#: Of twenty of a kind so many are taken for this, and the demand begins so that it fails.
+MISTAKES: dict[str, tuple[str, int, list[Diagnosis], str]] = {
+    "motors unseen": ("total", 2, [], "failing motors named at once"),
+    "motors called loads later": ("total", 1, [said("total"), weighed(1.0, instead_of=(MOTOR,))], "motors called a"),
+    "loads taken for pushes": ("payload", 3, [said("external")], "loads recognised"),
+    "pushes called loads": ("push", 2, [weighed(1.0)], "pushes called a load"),
+    "pushes blamed on motors": ("push", 3, [said("total", OTHER)], "pushes blamed on a motor in the end"),
+    "nothing": ("push", 0, [], ""),
+}
+
+
+def test_whatever_may_happen_to_an_arm_has_an_answer() -> None:
+    waving: Any = SimpleNamespace(
+        robot=ARM, observer=lambda: MomentumObserver(gain=50.0), noise_of_a_tick=None,
+        setup=lambda duration, **given: given,
+    )  # fmt: skip
+    nothing: Any = None
+    given: Any = Draw(waving, "push", 0.5, MOTOR, nothing, np.zeros(ARM.nj), 0).setup()
+    observer, reaction = given["components"]
+    assert reaction.observer is observer
+    assert {when.kind for when in reaction.table} == {*ACTUATOR, "payload"}
+
+
+@pytest.mark.parametrize("flaw", MISTAKES)
+def test_a_share_of_wrong_diagnoses_fails_the_demand_that_speaks_of_it(flaw: str) -> None:
+    spoilt, count, wrong, text = MISTAKES[flaw]
+    plant, run = resting(ARM)
+    unclear = [("total", [], 1.0), ("push", [said("total")], 1.0)]  # of what misses little nothing is demanded
+    cases = [(truth, right, 8.0) for truth, right in RIGHT.items() for _ in range(20)] + 20 * unclear
+    for k in [k for k, (truth, _, _) in enumerate(cases) if truth == spoilt][:count]:
+        cases[k] = (spoilt, wrong, 8.0)
+    trials = []
+    for truth, events, missing in cases:
+        before = said("total", OTHER)  # before anything happened
+        told = [(Diagnosis(**vars(before) | {"t": 0.4}), ()), *((event, ()) for event in events)]
+        trials.append(trial(plant, (drawn(truth, missing=missing), SimpleNamespace(events=told)), run))
+    scenario = DiagnosisStatistics()
+    result = scenario.judge(iter(trials), parameters(scenario, "robot=arm"))
+    assert len(result.verdict) == 5 and result.ok is not bool(text)
+    assert len(failed(result)) == len(text and [text]) and all(one.startswith(text) for one in failed(result))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.scenarios.test_standing import run
+from tests.scenarios.runs import run
 from wbc.errors import InvalidInput, UnknownFrame, UnknownJoint, UnknownRobot
 
 
