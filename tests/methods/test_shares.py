@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tests.methods.problems import bare_steps, distributions, drawn, scaled_tasks, steps
-from tests.methods.test_fault_fraction import faults
+from tests.methods.test_diagnosis import faults
 from tests.methods.test_parameter_update import updates
 from tests.methods.torque_problems import problems
 from wbc.methods import (
