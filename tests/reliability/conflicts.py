@@ -72,11 +72,7 @@ def quiet(robot: RobotModel, *extra: Any) -> wbc.Stack:
 
 def sides(qp: QP) -> tuple[Mat, Vec, Vec]:
     """All rows and bounds as lower <= R x <= upper."""
-    return (
-        np.vstack([qp.matrix, np.eye(qp.n)]),
-        np.concatenate([qp.lower, qp.lb]),
-        np.concatenate([qp.upper, qp.ub]),
-    )
+    return (np.vstack([qp.matrix, np.eye(qp.n)]), np.concatenate([qp.lower, qp.lb]), np.concatenate([qp.upper, qp.ub]))
 
 
 def can_be_met(qp: QP, items: Any) -> bool:

@@ -9,16 +9,7 @@ import pytest
 
 import wbc
 from tasks import ContactForce, JointVelocity, JointVelocityLimits, Posture
-from tests.reliability.conflicts import (
-    LEVEL,
-    ROBOTS,
-    Case,
-    can_be_met,
-    lowered,
-    one_conflict,
-    quiet,
-    several_conflicts,
-)
+from tests.reliability.conflicts import LEVEL, ROBOTS, Case, can_be_met, lowered, one_conflict, quiet, several_conflicts
 from tests.stack.conftest import feet
 from wbc.errors import Infeasible
 from wbc.qp.conflict import conflict

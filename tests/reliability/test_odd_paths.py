@@ -1,8 +1,9 @@
-"""Every function that takes a path answers, or refuses by a typed error, whatever stands or does not stand there."""
+"""Whatever stands at a path, it is answered or refused by a typed error, and nothing outside is opened."""
 
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,7 +11,10 @@ import numpy as np
 import pytest
 
 import wbc
+from tests.models.test_hostile_files import with_shape
 from tests.reliability.forked import forked
+from wbc.errors import PathRefused
+from wbc.models import load
 from wbc.report import save_report
 from wbc.tasks import Posture
 
@@ -76,3 +80,28 @@ def test_an_odd_path_is_answered_or_refused_by_a_typed_error(
     outcome = forked(lambda: TAKES_A_PATH[function](place(kind, tmp_path)))
     assert outcome.kind in ("answered", "refused"), outcome
     assert len(outcome.text) < 1000, "a message is read by a person"
+
+
+WAYS_OUT = ("../../elsewhere/secret.stl", "file://{outside}/secret.stl", "package://my_robot/../elsewhere/secret.stl",
+            "link.stl")  # fmt: skip
+
+
+@pytest.mark.parametrize("way", WAYS_OUT)
+def test_nothing_outside_is_opened(way: str, tmp_path: Path):
+    home, outside = tmp_path / "my_robot" / "urdf", tmp_path / "elsewhere"
+    home.mkdir(parents=True)
+    outside.mkdir()
+    (outside / "secret.stl").write_text("solid secret")
+    (home / "link.stl").symlink_to(outside / "secret.stl")
+    path = home / "robot.urdf"
+    path.write_text(with_shape(f'<mesh filename="{way.format(outside=outside)}"/>'))
+
+    def opened() -> list[str]:
+        places: list[str] = []
+        sys.addaudithook(lambda event, words: places.append(str(words[0])) if event == "open" else None)
+        with pytest.raises(PathRefused):
+            load(path, packages=[tmp_path / "my_robot"])
+        assert any(place.endswith("robot.urdf") for place in places), "the hook sees what is opened"
+        return [place for place in places if "elsewhere" in place or place.endswith("link.stl")]
+
+    assert forked(opened) == ("answered", "[]")

@@ -57,16 +57,7 @@ from wbc.models.pinocchio_ import PinocchioModel
 from wbc.qp import QP, solve
 from wbc.qp.problem import Row
 from wbc.qp.solvers import Clarabel, Daqp, Osqp, Piqp, ProxQp, QpSolvers
-from wbc.robots import (
-    SENSORS,
-    BaseEstimator,
-    EstimatedBase,
-    JointMap,
-    Loop,
-    MotorBoard,
-    Ros2Control,
-    UnitreeGo2,
-)
+from wbc.robots import SENSORS, BaseEstimator, EstimatedBase, JointMap, Loop, MotorBoard, Ros2Control, UnitreeGo2
 from wbc.robots.device import Order
 from wbc.sim.actuator_fault import ActuatorFault
 from wbc.sim.disturbance import Delay, Payload, Push, SensorNoise
