@@ -1,4 +1,4 @@
-"""Directions, headings and distances: what their errors mean, and what they say where a direction is not defined."""
+"""Frames, directions, headings and distances: what their errors mean, also where they are hard to define."""
 
 from __future__ import annotations
 
@@ -11,17 +11,149 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import wbc
-from tasks import AxisAlignment, Distance, Gaze, Posture, Yaw
+from tasks import (
+    AngularMomentum,
+    AxisAlignment,
+    CentroidalMomentum,
+    Distance,
+    Frame,
+    Gaze,
+    JointLimits,
+    LinearMomentum,
+    LocalPosition,
+    Orientation,
+    Position,
+    Posture,
+    RelativeFrame,
+    RelativeOrientation,
+    RelativePosition,
+    Yaw,
+)
 from tasks.directions import view_axes
 from tests.tasks.rows_of import finite, moment, rows
+from tests.tasks.running import obeyed
 from wbc.models.model import RobotModel, RobotState
 from wbc.testing import check_task, moments, robots
 from wbc.testing.strategies import states, vectors
 
 ROBOTS = robots()
-ARM, _, HUMANOID = ROBOTS
+ARM, QUADRUPED, HUMANOID = ROBOTS
 TOOL = ARM.frame_names[-1]
+TARGET, POSE = np.array([0.3, 0.1, 0.6]), pinocchio.exp6(np.array([0.3, 0.1, 0.6, 0.5, -1.0, 0.8]))
 each_robot = pytest.mark.parametrize("robot", ROBOTS, ids=lambda robot: robot.name)
+
+FEET: dict[str, Any] = {"frame": "rear_left_foot", "reference": "front_left_foot"}
+#: A task, those whose rows stand below one another in it or, of one of them, which rows it has.
+PARTS: dict[str, tuple[RobotModel, Any, list[Any], Any]] = {
+    "frame": (
+        ARM, Frame(TOOL, target=POSE),
+        [Position(TOOL, target=POSE.translation), Orientation(TOOL, target=POSE.rotation)], slice(None),
+    ),
+    "relative frame": (
+        QUADRUPED, RelativeFrame(**FEET, target=POSE),
+        [RelativePosition(**FEET, target=POSE.translation), RelativeOrientation(**FEET, target=POSE.rotation)],
+        slice(None),
+    ),
+    "momentum": (HUMANOID, CentroidalMomentum(), [LinearMomentum(), AngularMomentum()], slice(None)),
+    "some axes": (ARM, Position(TOOL, target=TARGET[[0, 2]], axes="xz"), [Position(TOOL, target=TARGET)], [0, 2]),
+    "some axes of its own": (
+        ARM, LocalPosition(TOOL, target=TARGET, axes="xz"), [LocalPosition(TOOL, target=TARGET)], [0, 2],
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", PARTS)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_rows_of_a_whole_are_those_of_its_parts(case: str, seed: int):
+    robot, whole, parts, picked = PARTS[case]
+    state = moment(robot, *moments(robot, count=1, seed=seed)[0][1:])
+    found, expected = rows(whole, state), [rows(part, state) for part in parts]
+    for array in ("e", "J", "drift"):
+        wanted = np.concatenate([getattr(part, array) for part in expected])[picked]
+        np.testing.assert_allclose(getattr(found, array), wanted, atol=1e-10)
+
+
+@given(states(HUMANOID))
+def test_along_its_own_axes_it_is_the_same_error(state: RobotState):
+    hand = state.frame("left_hand")
+    own, world = (rows(kind("left_hand", target=TARGET), state) for kind in (LocalPosition, Position))
+    np.testing.assert_allclose(hand.rotation @ own.e, world.e, atol=1e-12)
+    # Turning with the frame adds the lever to the target, and nothing where the frame is at it.
+    lever = pinocchio.skew(TARGET - hand.position) @ hand.jacobian()[3:]
+    np.testing.assert_allclose(hand.rotation @ own.J, world.J - lever, atol=1e-12)
+
+
+@pytest.mark.parametrize("level", [wbc.VelocityLevel(), wbc.AccelerationLevel(), wbc.InverseDynamics()])
+def test_a_drill_is_free_along_its_own_axis(level: wbc.Formulation):
+    """A tilted tool comes onto the line through the target, where the posture has it along that line."""
+    state = ARM.state()
+    tool = state.frame("tool")
+    tilted = tool.rotation @ pinocchio.rpy.rpyToMatrix(0.3, -0.4, 0.0)
+    far = tool.position + tilted @ [0.02, -0.03, 0.3]  # 0.3 m along the tool: not to be gone
+    drill = LocalPosition("tool", target=far, axes="xy", kp=100.0)
+    stack = wbc.Stack(
+        [drill, Orientation("tool", target=tilted), Posture(ARM.q0, weight=1e-4)], subject_to=[JointLimits()]
+    )
+    *_, (q, v) = obeyed(wbc.Controller(ARM, stack, level=level, dt=5e-3), 600)
+    state.update(0.0, q, v)
+    off = state.frame("tool").rotation.T @ (far - state.frame("tool").position)
+    assert np.abs(off[:2]).max() < 1e-3 and off[2] > 0.2
+
+
+@given(states(HUMANOID))
+def test_at_its_target_a_frame_is_where_the_other_says(state: RobotState):
+    here = state.frame("right_hand").placement.actInv(state.frame("left_hand").placement)
+    out = rows(RelativeFrame("left_hand", reference="right_hand", target=here), state)
+    np.testing.assert_allclose(out.e, 0.0, atol=1e-9)
+
+
+@given(states(HUMANOID))
+def test_moving_the_whole_robot_moves_nothing_against_anything(state: RobotState):
+    out = rows(RelativeFrame("left_hand", reference="right_sole", target=np.eye(4)), state)
+    np.testing.assert_allclose(out.J[:, :6], 0.0, atol=1e-12)
+
+
+@given(states(ARM))
+def test_seen_from_a_frame_that_stands_still_a_relative_frame_is_a_frame(state: RobotState):
+    target, tool = pinocchio.SE3.Random(), ARM.frame_names[-1]
+    base = state.frame("base")
+    relative = rows(RelativeFrame(tool, reference="base", target=base.placement.actInv(target)), state)
+    plain = rows(Frame(tool, target=target), state)
+    turn = np.kron(np.eye(2), base.rotation)
+    np.testing.assert_allclose(turn @ relative.J, plain.J, atol=1e-12)
+    np.testing.assert_allclose(turn @ relative.drift, plain.drift, atol=1e-10)
+    np.testing.assert_allclose(turn @ relative.e, plain.e, atol=1e-9)
+
+
+def half_turns(robot: RobotModel, off: float) -> list[Any]:
+    """Orientation tasks whose error is a turn by π less ``off``, and the moment."""
+    first = moments(robot, count=1, seed=2)[0]
+    state, (a, b) = moment(robot, first[1]), robot.frame_names[1 :: len(robot.frame_names) - 2]
+    turn = pinocchio.exp3((np.pi - off) * np.array([0.6, 0.0, 0.8]))
+    relative = state.frame(a).rotation.T @ state.frame(b).rotation
+    return [
+        first,
+        Orientation(b, target=turn @ state.frame(b).rotation),
+        RelativeOrientation(b, reference=a, target=turn @ relative),
+    ]
+
+
+@each_robot
+@pytest.mark.parametrize("off", [0.0, 1e-9, 1e-4, 0.01])
+def test_half_turns_have_an_error_of_half_a_turn_that_leads_to_the_target(robot: RobotModel, off: float):
+    first, *found = half_turns(robot, off)
+    state = moment(robot, *first[1:])
+    for task in found:
+        out = rows(task, state)
+        assert finite(out) and np.linalg.norm(out.e) == pytest.approx(np.pi - off, abs=1e-6)
+        if off > 1e-3:
+            check_task(task, robot, [first, first])
+    absolute = rows(found[0], state)
+    reached = pinocchio.exp3(absolute.e) @ state.frame(found[0].frame).rotation
+    np.testing.assert_allclose(reached, found[0].target, atol=1e-6)
+
+
+# ---- directions, headings and distances
 
 
 def angle_between(a: Any, b: Any) -> float:
@@ -84,10 +216,7 @@ def test_a_bearing_is_an_angle_in_its_direction(angle: float, around: float):
 def test_a_tool_turns_over_to_point_down(level: Any):
     task = AxisAlignment(TOOL, axis=[0, 0, 1], target=[0, 0, -1], kp=25, weight=1.0)
     controller = wbc.Controller(ARM, wbc.Stack([task, Posture(ARM.q0, weight=1e-6)]), level=level, dt=0.01)
-    q, v = ARM.q0, np.zeros(ARM.nv)
-    for tick in range(300):
-        command = controller.tick(0.01 * tick, q, v)
-        q, v = command.q, command.v
+    *_, (q, _) = obeyed(controller, 300)
     assert angle_between(moment(ARM, q).frame(TOOL).rotation[:, 2], [0, 0, -1]) < 0.01
 
 
