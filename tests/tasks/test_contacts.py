@@ -12,8 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from tasks import Edge, Point, Sole
+import wbc
+from tasks import CenterOfMass, Edge, Orientation, Point, Posture, Sole, TorqueLimits, feet
 from wbc.models.model import RobotState
+from wbc.sim.simulate import simulate
 from wbc.stack.contact import Anchor
 from wbc.testing import robots
 from wbc.testing.strategies import states
@@ -29,14 +31,12 @@ def sole(half_size: Any = (0.10, 0.065), friction: float = 0.3, **more: Any) -> 
     return Sole("left_sole", half_size=half_size, friction=friction, **more)
 
 
-CONES = {
-    f"{name} of {sides} sides": contact
-    for sides in (4, 8)
-    for name, contact in (
-        ("sole", sole(sides=sides)), ("point", Point("foot", friction=0.5, sides=sides)),
-        ("edge", Edge("left_sole", half_length=0.05, friction=0.5, sides=sides)),
-    )
-}  # fmt: skip
+def every_kind(**more: Any) -> list[Any]:
+    edge = Edge("left_sole", half_length=0.05, friction=0.5, **more)
+    return [Point("foot", friction=0.5, **more), sole(friction=0.5, **more), edge]
+
+
+CONES = {f"{type(contact).__name__} of {n} sides": contact for n in (4, 8) for contact in every_kind(sides=n)}
 each_cone = pytest.mark.parametrize("contact", CONES.values(), ids=CONES)
 
 
@@ -48,9 +48,9 @@ def pyramid_edges(friction: float, model: str = "inner", sides: int = 4) -> Mat:
 
 
 def surfaces(X: float, Y: float, **more: Any) -> list[tuple[Any, Any]]:
-    """A sole and an edge, each with the points (x, y) at which forces can be."""
-    edge = Edge("left_sole", half_length=X, **more)
-    return [(sole((X, Y), **more), list(product((-X, X), (-Y, Y)))), (edge, [(-X, 0.0), (X, 0.0)])]
+    """A sole, an edge and a point, each with the points (x, y) at which forces can be."""
+    corners, edge = list(product((-X, X), (-Y, Y))), Edge("left_sole", half_length=X, **more)
+    return [(sole((X, Y), **more), corners), (edge, [(-X, 0.0), (X, 0.0)]), (Point("foot", **more), [(0.0, 0.0)])]
 
 
 def wrenches(contact: Any, points: Any, friction: float, model: str, sides: int) -> Mat:
@@ -96,13 +96,6 @@ def test_every_row_of_a_cone_is_needed(contact: Any):
         assert -beyond.fun > 1e-9, contact.cone_labels()[row]
 
 
-@each_cone
-def test_a_cone_implies_that_the_surface_only_pushes(contact: Any):
-    K = contact.cone()
-    lowest = linprog(np.eye(contact.dim)[2], A_ub=K, b_ub=np.zeros(len(K)), bounds=(-1.0, 1.0))
-    assert lowest.fun >= -1e-12
-
-
 @given(st.floats(0.05, 2.0), st.floats(0.0, 2 * np.pi), SIDES)
 def test_the_inner_pyramid_is_inside_the_circular_cone_and_the_outer_one_around_it(mu: float, angle: float, sides: int):
     force = np.array([mu * np.cos(angle), mu * np.sin(angle), 1.0])
@@ -117,9 +110,7 @@ def test_the_inner_pyramid_is_inside_the_circular_cone_and_the_outer_one_around_
 
 @pytest.mark.parametrize("sides", [4, 8])
 def test_what_a_foot_may_do_by_default_never_slips(sides: int):
-    contacts = [Point("foot", friction=0.5, sides=sides), sole(friction=0.5, sides=sides)]
-    contacts.append(Edge("left_sole", half_length=0.1, friction=0.5, sides=sides))
-    for contact in contacts:
+    for contact in every_kind(sides=sides):
         K = contact.cone()
         for angle in np.linspace(0.0, 2 * np.pi, 33):
             pull = np.zeros(contact.dim)
@@ -175,11 +166,42 @@ def test_an_anchor_keeps_its_own_memory():
 @pytest.mark.parametrize("kp", [1.0, 100.0, 400.0])
 def test_by_default_a_foot_comes_back_as_fast_as_it_can_without_passing_its_place(kp: float):
     """ë + kd ė + kp e = 0 is critically damped: s² + kd s + kp has one double root."""
-    for contact in (
-        Point("foot", friction=0.5, kp=kp),
-        sole(kp=kp),
-        Edge("left_sole", half_length=0.1, friction=0.5, kp=kp),
-    ):
+    for contact in every_kind(kp=kp):
         roots = np.roots([1.0, contact.kd, contact.kp])
         np.testing.assert_allclose(roots, -np.sqrt(kp), rtol=1e-6)
     assert sole(kp=kp, kd=3.0).kd == 3.0
+
+
+@given(states(HUMANOID), st.floats(-0.5, 0.5))
+def test_turning_about_the_edge_is_no_motion_of_the_contact(state: RobotState, speed: float) -> None:
+    edge = Edge("left_sole", half_length=0.05, origin=(0.11, 0.0, 0.0), friction=0.5)
+    anchor = edge.anchor(state)
+    frame = state.frame("left_sole")
+    # Any velocity of the robot that turns the sole about the edge and nothing else.
+    about = speed * anchor.rotation[:, 0]
+    twist = np.concatenate([np.cross(about, frame.position - anchor.position), about])
+    v = np.linalg.pinv(frame.jacobian()) @ twist
+    np.testing.assert_allclose(edge.rows(state, anchor).J @ v, 0.0, atol=1e-9)
+    turned = Anchor(pinocchio.exp3(0.3 * anchor.rotation[:, 0]) @ anchor.rotation, anchor.position)
+    np.testing.assert_allclose(edge.rows(state, turned).e, 0.0, atol=1e-9)
+
+
+@pytest.mark.physics
+def test_a_humanoid_stands_with_one_foot_on_an_edge() -> None:
+    from wbc.sim.mujoco_ import MujocoPlant
+
+    state = HUMANOID.state()
+    left = next(contact for contact in feet(HUMANOID, kp=0.0, kd=20.0) if contact.frame == "left_sole")
+    right = Edge("right_sole", half_length=0.05, friction=0.48, kp=0.0, kd=20.0)
+    upright = [Orientation(name, target=np.array(state.frame(name).rotation)) for name in ("torso", "right_sole")]
+    tasks = [CenterOfMass(target=state.com), *upright, Posture(HUMANOID.q0, weight=1e-4)]
+    stack = wbc.Stack(tasks, contacts=[left, right], subject_to=[TorqueLimits()])
+    plant = MujocoPlant(HUMANOID, contacts=stack.contacts)
+    plant.reset(plant.settled(HUMANOID.q0))
+    run = simulate(wbc.Controller(HUMANOID, stack, level=wbc.InverseDynamics()), plant, duration=0.5)
+    weight = 9.81 * HUMANOID.mass
+    assert run.meta["ended"] == "complete" and run.meta["contacts"][right.name]["kind"] == "edge"
+    assert np.linalg.norm(run["error.CenterOfMass"], axis=1).max() < 5e-3
+    true, wanted = run[f"plant.f.{right.name}"][-1], run[f"f.{right.name}"][-1]
+    assert true[2] > 0.2 * weight and abs(true[3]) < 1e-3 * weight
+    np.testing.assert_allclose(true[list(right.wrench_axes)], wanted, atol=0.02 * weight)
