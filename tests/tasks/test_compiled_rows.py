@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pytest
 
-import tasks
 import wbc
 import wbc.stack.compiled.fill as fill_module
 from tasks import (
@@ -20,27 +18,21 @@ from tasks import (
     GravityCompensation,
     HalfSpaceLimit,
     JointImpedance,
-    Point,
     Posture,
-    Sole,
     Yaw,
 )
-from wbc import AccelerationLevel, InverseDynamics, Stack, VelocityLevel
+from tests.tasks.test_contract import MEMBERS
+from tests.test_features import contacts_of
+from wbc import InverseDynamics, Stack
 from wbc.errors import NotSupported
 from wbc.models.model import RobotModel
-from wbc.stack.constraint import Constraint
 from wbc.stack.contact import Contact
-from wbc.stack.task import LinearTask, Objective
+from wbc.stack.task import Objective
 from wbc.testing import moments
+from wbc.testing.levels import LEVELS
 
 ROBOTS = {name: wbc.load(name) for name in ("arm", "humanoid", "quadruped")}
 UP = (0.0, 0.0, 1.0)
-LEVELS = [VelocityLevel(), AccelerationLevel(), InverseDynamics()]
-MEMBERS = [
-    value
-    for _, value in sorted(vars(tasks).items())
-    if isinstance(value, type) and issubclass(value, Objective | Constraint | Contact) and not inspect.isabstract(value)
-]
 
 #: Members that Python writes in every tick, and why.
 CALLED = {
@@ -59,19 +51,10 @@ CALLED = {
 def stack_with(member: Any, robot: RobotModel) -> Stack:
     """A stack with a member, and a contact for one that is about a force."""
     posture = Posture(robot.q0, weight=1e-3, name="beside it")
-    if isinstance(member, Contact):
-        return Stack([posture], contacts=[member])
-    if not isinstance(member, Objective):
-        return Stack([posture], subject_to=[member])
-    contacts: list[Contact] = []
-    if isinstance(member, LinearTask) and member.on == "force":
-        names = (member.contact,) if isinstance(member.contact, str) else member.contact
-        points = getattr(member, "dim", 0) == 3 or len(names) > 1
-        for name in names:
-            frame = name.partition("[")[2].rstrip("]") or name
-            point, sole = Point(frame, friction=0.5), Sole(frame, half_size=(0.1, 0.05), friction=0.5)
-            contacts.append(point if points else sole)
-    return Stack([member, posture], contacts=contacts)
+    if isinstance(member, Objective):
+        return Stack([member, posture], contacts=contacts_of(member, robot))
+    place = "contacts" if isinstance(member, Contact) else "subject_to"
+    return Stack([posture], **{place: [member]})  # type: ignore[arg-type]
 
 
 def plans(member: Any, robot: RobotModel) -> Iterator[Any]:

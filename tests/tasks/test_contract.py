@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import pkgutil
+from collections.abc import Callable
 from importlib import import_module
 from inspect import Parameter
 from pathlib import Path
@@ -16,9 +17,22 @@ from hypothesis import strategies as st
 
 import tasks
 import wbc
+from tasks import (
+    ContactSchedule,
+    FaultReaction,
+    MeasuredWrench,
+    MomentumObserver,
+    Posture,
+    Sinusoid,
+    SlotineLi,
+    TorqueLimits,
+    feet,
+)
 from tests.tasks.rows_of import linear_rows, rows
+from tests.test_features import contacts_of
 from wbc.arguments import UnknownArgument, WrongArguments
-from wbc.errors import InvalidInput
+from wbc.errors import InvalidInput, NotSupported
+from wbc.models import Planar4P
 from wbc.models.model import RobotModel
 from wbc.sim.disturbance import Push
 from wbc.sim.plant import IntegratorPlant
@@ -30,6 +44,7 @@ from wbc.stack.member import UnknownSetting, bound
 from wbc.stack.task import LinearTask, Objective, Task
 from wbc.stack.tracking import Tracking
 from wbc.testing import check_constraint, check_contact, check_task, moments, robots
+from wbc.testing.levels import LEVELS, stack_with
 
 HUMANOID = robots()[2]
 KINDS = {Objective: check_task, Constraint: check_constraint, Contact: check_contact}
@@ -52,12 +67,36 @@ OTHERS = [value for name, value in sorted(vars(tasks).items()) if is_member(valu
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("robot", robots(), ids=lambda robot: robot.name)
-@pytest.mark.parametrize("member", MEMBERS, ids=lambda member: member.__name__)
+each_member = pytest.mark.parametrize("member", MEMBERS, ids=lambda member: member.__name__)
+each_robot = pytest.mark.parametrize("robot", robots(), ids=lambda robot: robot.name)
+
+
+@each_robot
+@each_member
 def test_a_member_keeps_the_contract(member: Any, robot: RobotModel):
     check = next(check for kind, check in KINDS.items() if issubclass(member, kind))
     for sample in member.samples(robot):
         check(sample, robot)
+
+
+@each_robot
+@each_member
+def test_a_member_does_its_work_in_a_stack_at_every_level_that_carries_it(member: Any, robot: RobotModel):
+    rng = np.random.default_rng(3)
+    q = robot.integrate(robot.q0, 0.05 * rng.normal(size=robot.nv))
+    v = 0.1 * rng.normal(size=robot.nv)
+    for sample in member.samples(robot):
+        for level in LEVELS:
+            if robot.nb and level.dynamics:
+                continue  # nothing holds a robot that floats; those that stand are tested elsewhere
+            try:
+                controller = wbc.Controller(robot, stack_with(sample, contacts_of(sample, robot)), level=level)
+            except NotSupported:
+                assert not isinstance(sample, Task)  # a kinematic task serves every level
+                continue
+            command = controller.tick(0.1, q, v)
+            assert command.status.ok, (level.name, command.status)
+            assert np.isfinite(command.v).all()
 
 
 @pytest.mark.parametrize("base", ["fixed", "floating"])
@@ -81,67 +120,41 @@ def test_a_robot_without_mass_has_no_centre_of_mass(tmp_path: Path, base: Any):
     assert len(refused) == 7
 
 
-@pytest.mark.parametrize("member", MEMBERS, ids=lambda member: member.__name__)
-def test_a_member_has_samples(member: Any):
-    assert any(member.samples(robot) for robot in robots())
-
-
-@pytest.mark.parametrize("member", [kind for kind in MEMBERS if issubclass(kind, Task)], ids=lambda m: m.__name__)
-def test_samples_ask_for_motions_of_a_robots_size_and_speed(member: Any):
+@each_member
+def test_samples_ask_for_what_is_of_a_robots_size_and_speed(member: Any):
     """Random stacks are made of them: what asks for kilometres, or settles within hours, tests nothing there."""
-    for robot in robots():
-        state, when = robot.state(), moments(robot)
-        for sample in (bound(sample, robot) for sample in member.samples(robot)):
-            filled = []
-            for moment in when:
-                state.update(*moment)
+    for sample, robot in ((bound(one, model), model) for model in robots() for one in member.samples(model)):
+        state, filled = robot.state(), []
+        for moment in moments(robot):
+            state.update(*moment)
+            if isinstance(sample, Task):
                 filled.append(rows(sample, state))
-            size, slope, rate, change = (
-                max(np.abs(getattr(one, what)).max() for one in filled) for what in ("e", "J", "rate_ref", "acc_ref")
-            )
-            assert size < 10.0 and slope < 100.0 and rate < 100.0 and change < 2e3, sample
-            moves = np.abs([one.rate_ref for one in filled]).max(axis=0)
-            assert (moves[moves > 1e-9] > 5e-3).all(), f"{sample} has a target that moves and hardly does"
-            for kp, kd in zip(*sample.gains()[:2], strict=True):
-                settles = -np.roots([1.0, kd, kp] if kp else [1.0, kd]).real
-                assert kd == 0.0 or (settles.min() >= 0.1 and settles.max() <= 100.0), sample
-
-
-@pytest.mark.parametrize("member", [kind for kind in MEMBERS if issubclass(kind, LinearTask)], ids=lambda m: m.__name__)
-def test_samples_ask_for_torques_of_a_robots_size(member: Any):
-    for robot in robots():
-        state = robot.state()
-        for sample in (bound(sample, robot) for sample in member.samples(robot) if sample.on == "torque"):
-            for moment in moments(robot):
-                state.update(*moment)
+            elif isinstance(sample, LinearTask) and sample.on == "torque":
                 out = linear_rows(sample, state, robot.nj)
                 assert np.abs(out.A).max() < 1e3 and np.abs(out.b).max() < 1e3, sample
-
-
-@pytest.mark.parametrize("member", [kind for kind in MEMBERS if issubclass(kind, Tracking)], ids=lambda m: m.__name__)
-def test_targets_of_samples_that_move_do_so_in_seconds(member: Any):
-    for sample in (bound(sample, robot) for robot in robots() for sample in member.samples(robot)):
-        rates = np.abs([sample.reference(t).rate for t in np.arange(0.1, 2.0, 0.3)]).max(axis=0)
-        assert ((rates == 0.0) | (rates > 5e-3)).all() and rates.max() < 100.0, sample
+        for what, most in {"e": 10.0, "J": 100.0, "rate_ref": 100.0, "acc_ref": 2e3}.items():
+            assert all(np.abs(getattr(one, what)).max() < most for one in filled), (sample, what)
+        moves = np.abs([one.rate_ref for one in filled]).max(axis=0, initial=0.0)
+        assert (moves[moves > 1e-9] > 5e-3).all(), f"{sample} has a target that moves and hardly does"
+        if isinstance(sample, Tracking):
+            rates = np.abs([sample.reference(t).rate for t in np.arange(0.1, 2.0, 0.3)]).max(axis=0)
+            assert ((rates == 0.0) | (rates > 5e-3)).all() and rates.max() < 100.0, sample
+        for kp, kd in zip(*sample.gains()[:2], strict=True) if isinstance(sample, Task) else ():
+            settles = -np.roots([1.0, kd, kp] if kp else [1.0, kd]).real
+            assert kd == 0.0 or (settles.min() >= 0.1 and settles.max() <= 100.0), sample
 
 
 @pytest.mark.parametrize("member", [kind for kind in MEMBERS if issubclass(kind, Contact)], ids=lambda m: m.__name__)
-def test_a_contact_gives_forces_in_newtons_and_moments_in_newton_metres(member: Any):
+def test_forces_of_a_contact_have_units_and_rows_of_its_cone_the_names_of_what_they_bound(member: Any):
     for sample in (sample for robot in robots() for sample in member.samples(robot)):
-        for label, unit in sample.force_labels():
-            assert unit == {"f": "N", "m": "N m"}[label[0]]
-
-
-@pytest.mark.parametrize("member", [kind for kind in MEMBERS if issubclass(kind, Contact)], ids=lambda m: m.__name__)
-def test_rows_of_a_cone_of_four_sides_are_called_by_what_they_bound(member: Any):
-    for sample in (sample for robot in robots() for sample in member.samples(robot) if sample.sides == 4):
         forces = [name for name, _ in sample.force_labels()]
-        for row, (label, _) in zip(sample.cone(), sample.cone_labels(), strict=True):
+        assert all(unit == {"f": "N", "m": "N m"}[label[0]] for label, unit in sample.force_labels())
+        for row, (label, _) in zip(sample.cone(), sample.cone_labels(), strict=True) if sample.sides == 4 else ():
             bounded = label.split()[0]
             assert row[forces.index(bounded.removeprefix("-"))] * (-1.0 if bounded.startswith("-") else 1.0) > 0.0
 
 
-@pytest.mark.parametrize("member", MEMBERS, ids=lambda member: member.__name__)
+@each_member
 @given(data=st.data())
 def test_a_slip_in_the_name_of_a_setting_is_told_and_changes_nothing(member: Any, data: st.DataObject):
     sample = data.draw(st.sampled_from([sample for robot in robots() for sample in member.samples(robot)]))
@@ -250,7 +263,7 @@ def test_a_type_error_inside_a_constructor_is_passed_on():
         Broken()
 
 
-@pytest.mark.parametrize("member", MEMBERS, ids=lambda member: member.__name__)
+@each_member
 def test_a_member_says_what_it_is_and_shows_how(member: Any):
     assert "Example:" in (inspect.getdoc(member) or ""), "its docstring has no example"
     arguments = inspect.signature(member).parameters.values()
@@ -269,13 +282,175 @@ def test_a_member_may_be_used_by_its_name_alone():
                 assert value in exported, f"{module.name}.{value.__name__} is not in tasks/__init__.py"
 
 
-def test_the_library_has_what_it_promises():
-    promised = (
-        "Frame Position Orientation CenterOfMass Posture JointVelocity Damping Torque ContactForce Point Sole "
-        "JointPositionLimits JointVelocityLimits JointAccelerationLimits TorqueLimits"
-    )
-    assert set(promised.split()) <= {member.__name__ for member in MEMBERS}
-
-
 def test_a_task_is_one_short_file():
     assert len((LIBRARY / "damping.py").read_text(encoding="utf-8").splitlines()) <= 40
+
+
+# ---- arguments by default: nothing that was not asked for, unit directions, and sizes and times of a robot's scale
+#: Names of arguments that are one where nothing is said, that bound nothing, and that are directions.
+ONE = {"weight", "persistence", "release", "gain", "damping"}
+BOUNDS_NOTHING = {
+    "lower": -np.inf, "upper": np.inf, "linear": np.inf, "angular": np.inf, "threshold": np.inf,
+    "standing_rate": np.inf,
+}  # fmt: skip
+DIRECTIONS = {"direction", "normal", "axle", "axis"}
+#: Ranges of those that are chosen, in SI units: what is farther off is of another scale than robots are.
+CHOSEN = {
+    "rate": (1.0, 100.0), "filter": (1.0, 100.0),  # of decay [1/s]
+    "slack": (1e4, 1e12), "force_weight": (0.0, 1e-4),  # far above every weight, and far below
+    "reach": (0.05, 0.5), "margin": (0.0, 0.05), "nearest": (1e-3, 0.1), "length": (0.1, 1.0),  # [m]
+    "ramp": (0.02, 2.0), "early": (0.01, 0.2), "start": (0.1, 2.0), "lockout": (0.1, 2.0), "settle": (0.005, 0.1),
+    "recheck": (0.05, 0.5), "lag": (0.01, 0.5),  # [s]
+    "force_rate": (0.01, 0.2), "friction_share": (0.5, 1.0), "dominance": (2.0, 20.0), "sides": (4, 4),
+    "smoothing": (1e-4, 1e-2), "floor": (1e-8, 1e-4),
+}  # fmt: skip
+MADE = {name: made for name, made in sorted(vars(tasks).items()) if callable(made) and not name.startswith("_")}
+
+
+def defaults(made: Any) -> dict[str, np.ndarray]:
+    """What is made of numbers by default, by argument."""
+    found = {}
+    for argument, known in inspect.signature(made).parameters.items():
+        value = np.asarray(known.default, dtype=object)
+        if value.size and all(isinstance(entry, int | float) and not isinstance(entry, bool) for entry in value.flat):
+            found[argument] = value.astype(float)
+    return found
+
+
+#: What has no samples, with no more arguments than it must have.
+BARE: dict[str, Callable[[], Any]] = {
+    "Clearance": lambda: tasks.Clearance("tool", point=[0.0, 0.0, 0.0]),
+    "Comply": tasks.Comply,
+    "ContactSchedule": lambda: tasks.ContactSchedule([(0.0, ["foot"])]),
+    "FaultReaction": lambda: tasks.FaultReaction(tasks.MomentumObserver(gain=1.0)),
+    "Follow": lambda: tasks.Follow([0.0], velocity=1.0, acceleration=1.0, jerk=1.0),
+    "MeasuredWrench": lambda: tasks.MeasuredWrench("tool"),
+    "MinimumJerk": lambda: tasks.MinimumJerk([0.0], [1.0], duration=1.0),
+    "MomentumObserver": lambda: tasks.MomentumObserver(gain=1.0),
+    "PoseInterpolation": lambda: tasks.PoseInterpolation(np.eye(4), np.eye(4), duration=1.0),
+    "Sinusoid": lambda: tasks.Sinusoid([0.0], amplitude=1.0, frequency=1.0),
+    "SlotineLi": lambda: tasks.SlotineLi([0.0], kp=1.0, kd=1.0, gain=1.0),
+    "feet": lambda: tasks.feet(wbc.load("humanoid")),
+}
+
+
+def samples(name: str) -> list[Any]:
+    """Some of a class, or what a function makes, with few arguments."""
+    if is_member(MADE[name]):
+        return [sample for robot in robots() for sample in MADE[name].samples(robot)]
+    return [BARE[name]()] if name in BARE else []
+
+
+@pytest.mark.parametrize("name", MADE)
+def test_a_default_is_nothing_or_of_a_robots_scale(name: str):
+    assert samples(name) or not defaults(MADE[name]), "it cannot be made without them"
+    for argument, value in defaults(MADE[name]).items():
+        if argument in ("kp", "kd"):
+            continue  # see below
+        if (name, argument) == ("SlotineLi", "weight"):  # the law is the command
+            assert 1e4 < value < 1e8
+        elif argument in ONE:
+            assert value == 1.0, argument
+        elif argument in BOUNDS_NOTHING:
+            assert value == BOUNDS_NOTHING[argument], argument
+        elif argument in DIRECTIONS:
+            assert np.linalg.norm(value) == 1.0, argument
+        elif argument in CHOSEN:
+            low, high = CHOSEN[argument]
+            assert low <= value <= high, argument
+        else:
+            assert not value.any() or np.array_equal(value, np.eye(3)), argument
+
+
+@pytest.mark.parametrize("name", [name for name, made in MADE.items() if is_member(made)])
+def test_gains_by_default_settle_in_seconds(name: str):
+    """ë + kd ė + kp e = 0, or ė + kd e = 0 of a task on rates; no gain stated is critical damping."""
+    assert samples(name)
+    default = defaults(MADE[name])
+    kp, kd = default.get("kp"), default.get("kd")
+    if kp is None and kd is None:
+        return
+    rates = -np.roots([1.0, 2.0 * np.sqrt(kp) if kd is None else kd, kp] if kp else [1.0, kd]).real
+    assert 1.0 <= min(rates) and max(rates) <= 100.0
+
+
+def test_the_names_above_are_those_of_arguments():
+    arguments = {argument for made in MADE.values() for argument in defaults(made)}
+    assert {*ONE, *BOUNDS_NOTHING, *DIRECTIONS, *CHOSEN} <= arguments
+
+
+# ---- components bear ticks without a state: they fail in none, and learn nothing from them
+ARM, QUADRUPED = wbc.load("arm"), wbc.load("quadruped")
+
+
+def arm_observer() -> MomentumObserver:
+    """Of the arm."""
+    return MomentumObserver(gain=100.0, threshold=1.0, persistence=2)
+
+
+def adaptive(robot: RobotModel, **settings: Any) -> SlotineLi:
+    """Follows a wave."""
+    return SlotineLi(Sinusoid(robot.q0, amplitude=0.1, frequency=0.5), kp=50.0, kd=20.0, gain=2.0, **settings)
+
+
+def component_samples() -> dict[str, tuple[RobotModel, list[Component]]]:
+    """A robot and the components of a stack for it, new ones."""
+    watches = arm_observer()
+    names = [foot.name for foot in feet(QUADRUPED)]
+    planar = Planar4P()
+    return {
+        "ContactSchedule": (QUADRUPED, [ContactSchedule([(0.0, names), (0.01, names[:3])])]),
+        "FaultReaction": (ARM, [watches, FaultReaction(watches, start=0.0)]),
+        "MeasuredWrench": (ARM, [MeasuredWrench("tool", wrench=[0.0, 0.0, -5.0])]),
+        "MomentumObserver": (ARM, [arm_observer()]),
+        "SlotineLi": (ARM, [adaptive(ARM, composite=0.1, window=0.5, estimate_floor=1e-3)]),
+        "SlotineLi of a planar robot": (planar, [adaptive(planar)]),
+    }
+
+
+def component_controller(name: str) -> tuple[wbc.Controller, list[Component]]:
+    """With a stack for those components."""
+    robot, components = component_samples()[name]
+    asked = [component.torque for component in components if isinstance(component, SlotineLi)]
+    stack = wbc.Stack(
+        [Posture(robot.q0), *asked], components=components, contacts=feet(robot) if robot is QUADRUPED else [],
+        subject_to=[TorqueLimits()] if robot.nj > 4 else [],
+    )  # fmt: skip
+    return wbc.Controller(robot, stack, level=wbc.InverseDynamics()), components
+
+
+def signals(components: list[Component]) -> list[Any]:
+    """All that they say, copied."""
+    return [{name: np.array(value) for name, value in one.signals().items()} for one in components]
+
+
+def test_all_components_of_the_library_are_tried() -> None:
+    kinds = {name for name, kind in vars(tasks).items() if isinstance(kind, type) and issubclass(kind, Component)}
+    assert kinds == {name.split()[0] for name in component_samples()}
+
+
+@pytest.mark.parametrize("name", component_samples())
+def test_a_first_tick_without_a_state_is_nobodys_fault_and_is_recorded_like_others(name: str) -> None:
+    control, _ = component_controller(name)
+    robot, recorder = control.model, wbc.Recorder(10)
+    recorder.tick(control, 0.0, np.full(robot.nq, np.nan), np.zeros(robot.nv))
+    assert control.why == "q[0] is nan"
+    for k in range(1, 4):
+        command = recorder.tick(control, k * control.dt, robot.q0, np.zeros(robot.nv))
+        assert command.status.ok, control.explain()
+    assert recorder.run().rows == 4
+
+
+@pytest.mark.parametrize("name", component_samples())
+def test_nothing_is_learnt_from_ticks_without_a_state(name: str) -> None:
+    control, components = component_controller(name)
+    robot = control.model
+    q = robot.integrate(robot.q0, np.append(np.zeros(robot.nb), np.full(robot.nj, 0.1)))
+    for k in range(5):
+        control.tick(k * control.dt, q, np.zeros(robot.nv))
+    before = signals(components)
+    for k in range(5, 30):
+        control.tick(k * control.dt, np.full(robot.nq, np.nan), np.zeros(robot.nv))
+    for known, now in zip(before, signals(components), strict=True):
+        for signal, value in known.items():
+            np.testing.assert_array_equal(now[signal], value, err_msg=signal)

@@ -116,6 +116,7 @@ REFUSED: list[tuple[Callable[[], object], str] | tuple[Callable[[], object], str
     (lambda: T.Position("tool", axes="xz", target=T.Sinusoid(ZEROS, amplitude=0.1, frequency=1.0)),
      r"target must have shape \(2,\), not \(3,\)"),
     (lambda: T.Position("tool", target=[0.0, 0.0], axes="yx"), "axes is 'yx'; it must be one of xyz, xy, yz"),
+    (lambda: T.LocalPosition("tool", target=ZEROS, axes="zx"), r"LocalPosition\[tool\].axes"),
     (lambda: T.ContactForce("sole", target=[1.0, 2.0]), r"must have shape \(3,\) or \(6,\), not \[1.0, 2.0\]"),
     (lambda: T.Torque(weight="inertia"), "weight is 'inertia'; it must be numbers or 'inverse_inertia'"),
     (lambda: T.Admittance("tool", target=EYE, inertia=1.0, damping=[1, 1, 1, 1, 0, 1], stiffness=1.0),
