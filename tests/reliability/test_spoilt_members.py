@@ -10,18 +10,9 @@ import numpy as np
 import pytest
 
 import wbc
-from tasks import (
-    JointAccelerationLimits,
-    JointPositionLimits,
-    JointVelocityLimits,
-    Position,
-    Posture,
-    TorqueLimits,
-)
+from tasks import JointAccelerationLimits, JointPositionLimits, JointVelocityLimits, Position, Posture, TorqueLimits
 from tests.reliability.nonsense import EXCEPTIONS, functions, values
 from tests.stack.conftest import moving, standing
-from wbc.stack.constraint import BarrierRows, ConstraintRows
-from wbc.stack.task import LinearRows, TaskRows
 
 ARM, QUADRUPED = wbc.load("arm"), wbc.load("quadruped")
 V_MAX, A_MAX = 2.0, 20.0
@@ -56,14 +47,8 @@ class Users(wbc.Component):
 
 def arm(level: Any, hierarchy: Any, *, tasks: tuple[Any, ...] = (), constraints: tuple[Any, ...] = ()) -> Any:
     """A controller with limits on everything, and its component."""
-    limits: list[Any] = [
-        JointPositionLimits(),
-        JointVelocityLimits(V_MAX),
-        JointAccelerationLimits(A_MAX),
-        *constraints,
-    ]
-    if level.dynamics:
-        limits.append(TorqueLimits())
+    limits = [JointPositionLimits(), JointVelocityLimits(V_MAX), JointAccelerationLimits(A_MAX), *constraints]
+    limits += [TorqueLimits()] if level.dynamics else []
     users = Users()
     reach = Position("tool", target=[0.4, 0.2, 0.5], kp=50.0)
     stack = wbc.Stack([[reach], [*tasks, Posture(ARM.q0, weight=1e-2)]], subject_to=limits, components=[users])
@@ -191,71 +176,56 @@ def test_targets_that_misbehave_in_mid_run(level: Any, hierarchy: Any) -> None:
     assert judged(controller, 9.0, "nothing").status.ok
 
 
-class Row(wbc.Task):
-    """A task of a user."""
+class Wrecked:
+    """What a user's members have in common: ones in every array, or in one of them nonsense from half a second on."""
 
     dim, units, broken = 1, "m", None
+    arrays: tuple[str, ...] = ()
 
-    def fill(self, state: Any, out: TaskRows) -> None:
-        _wreck(self.broken, out, ("e", "J", "drift", "rate_ref", "acc_ref"), state.t)
-
-
-class Prefer(wbc.LinearTask):
-    """Another."""
-
-    dim, units, on, broken = 1, "1", "velocity", None
-
-    def fill(self, state: Any, out: LinearRows) -> None:
-        _wreck(self.broken, out, ("A", "b"), state.t)
+    def fill(self, state: Any, out: Any) -> None:
+        for name in self.arrays:
+            getattr(out, name)[:] = 1.0
+        if self.broken is not None and state.t > 0.5:
+            name, value = self.broken
+            if isinstance(value, type):
+                raise value("users' code")
+            getattr(out, name)[:] = value
 
 
-class Fence(wbc.Barrier):
-    """A barrier of a user."""
-
-    dim, units, broken = 1, "m", None
-
-    def fill(self, state: Any, out: BarrierRows) -> None:
-        _wreck(self.broken, out, ("J", "drift", "rate", "h"), state.t)
+class Row(Wrecked, wbc.Task):
+    arrays = ("e", "J", "drift", "rate_ref", "acc_ref")
 
 
-class Between(wbc.LinearConstraint):
-    """A linear constraint of a user."""
+class Prefer(Wrecked, wbc.LinearTask):
+    on, arrays = "acceleration", ("A", "b")
 
-    dim, units, on, broken = 1, "1", "velocity", None
 
-    def fill(self, state: Any, out: ConstraintRows) -> None:
-        _wreck(self.broken, out, ("A", "hi", "lo"), state.t)
+class PreferTorque(Prefer):
+    on = "torque"
+
+
+class Fence(Wrecked, wbc.Barrier):
+    arrays = ("h", "J", "drift", "rate")
+
+
+class Between(Wrecked, wbc.LinearConstraint):
+    on, arrays = "velocity", ("A", "hi", "lo")
+
+    def fill(self, state: Any, out: Any) -> None:
+        super().fill(state, out)
         out.lo[:] = np.minimum(out.lo, -out.lo)
-
-
-def _wreck(broken: Any, out: Any, arrays: tuple[str, ...], t: float) -> None:
-    for name in arrays:
-        getattr(out, name)[:] = 1.0
-    if broken is not None and t > 0.5:
-        name, value = broken
-        if isinstance(value, type):
-            raise value("users' code")
-        getattr(out, name)[:] = value
 
 
 @pytest.mark.parametrize("kind", [Row, Prefer, Fence, Between], ids=lambda kind: kind.__name__)
 def test_members_that_misbehave_in_mid_run(level: Any, hierarchy: Any, kind: Any) -> None:
-    arrays = {
-        Row: ("e", "J", "drift", "rate_ref", "acc_ref"), Prefer: ("A", "b"), Fence: ("h", "J", "drift", "rate"),
-        Between: ("A", "hi", "lo"),
-    }[kind]  # fmt: skip
-    if kind is Prefer:
-        member: Any = type("Prefer", (Prefer,), {"on": "torque" if level.dynamics else "acceleration"})()
-        if level.order == 1:
-            pytest.skip("the velocity level carries no linear task")
-        member.dim = 1
-    else:
-        member = kind()
+    if kind is Prefer and level.order == 1:
+        pytest.skip("the velocity level carries no linear task")
+    member = PreferTorque() if kind is Prefer and level.dynamics else kind()
     place: Any = {"tasks": (member,)} if kind in (Row, Prefer) else {"constraints": (member,)}
     controller, _ = arm(level, hierarchy, **place)
     judged(controller, 0.0, "nothing")
     k = 0
-    for name in arrays:
+    for name in member.arrays:
         for value in (np.nan, np.inf, -np.inf, 1e300, ValueError, ZeroDivisionError):
             member.broken = name, value
             k += 1
