@@ -1,8 +1,6 @@
-"""The weighted torque as a specification: exact numbers, every solver, the mathematics of the optimum, limits."""
+"""The weighted torque as a specification: exact numbers, every solver, what makes an optimum, limits, damping."""
 
 from __future__ import annotations
-
-from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -12,6 +10,7 @@ from scipy.optimize import linprog, lsq_linear
 
 from tests.methods.torque_problems import CALM, again, problems
 from tests.seeds import generator
+from wbc.checks import LARGEST
 from wbc.errors import NoClosedForm
 from wbc.methods import WeightedTorque
 from wbc.methods.weighted_torque import CLOSED_FORMS, FORMS
@@ -40,17 +39,6 @@ def assert_same(one: WeightedTorque, tau: np.ndarray, other: np.ndarray, toleran
 # ---- numbers
 def test_the_torque_of_the_exercise_is_exact():
     """In rationals: M = [[2, −1/4], [−1/4, 13/80]], J = (1, −1/2), ÿ = 9, so λ = 115/11 and τ = (104/11, −71/22)."""
-    a, b, c = Fraction(2), Fraction(-1, 4), Fraction(13, 80)
-    det = a * c - b * b
-    inverse = ((c / det, -b / det), (-b / det, a / det))
-    row = (Fraction(1), Fraction(-1, 2))
-    A = [row[0] * inverse[0][j] + row[1] * inverse[1][j] for j in range(2)]
-    tau_0 = (Fraction(-1), Fraction(2))
-    known = (tau_0[0] - 1, tau_0[1] + Fraction(1, 2))
-    compliance = A[0] * row[0] + A[1] * row[1]
-    multiplier = (9 - A[0] * known[0] - A[1] * known[1]) / compliance
-    tau = [tau_0[i] + row[i] * multiplier for i in range(2)]
-    assert (det, multiplier, tau) == (Fraction(21, 80), Fraction(115, 11), [Fraction(104, 11), Fraction(-71, 22)])
     answers = [exercise().closed_form(form) for form in CLOSED_FORMS]
     answers += [exercise().solve(solver, form) for solver in ("pdas", "daqp") for form in FORMS]
     for answer in answers:
@@ -130,19 +118,20 @@ def test_every_form_is_certified_near_singularities(form: str, decade: int):
         assert solve(task.qp(form)).status.ok
 
 
+def assert_met(task: WeightedTorque, tau: np.ndarray) -> None:
+    """Task and equalities, by the acceleration that forward dynamics give."""
+    a = np.linalg.solve(task.M, tau + task.tau_external - task.n)
+    for rows, drift, right in ((task.J, task.drift, task.task_acceleration), (task.E, 0.0 * task.e, task.e)):
+        size = (1.0 + np.abs(rows) @ np.abs(a) + np.abs(drift)).max(initial=1.0)
+        np.testing.assert_allclose(rows @ a + drift, right, rtol=0, atol=1e-7 * size)
+
+
 # ---- what the optimum is: feasible (43) and in the range of the task (44), which only one torque is
 @given(problems(**CALM, damped=False), st.sampled_from(FORMS))
 def test_forward_dynamics_give_the_commanded_acceleration(task: WeightedTorque, form: str):
     """Property 43, for any tau_0, external torque and bias: M a + n = τ + τ_ext solved for a."""
     for answer in (task.closed_form(), task.solve(form=form)):
-        a = np.linalg.solve(task.M, answer.tau + task.tau_external - task.n)
-        size = np.abs(task.J) @ np.abs(a) + np.abs(task.drift)
-        np.testing.assert_allclose(
-            task.J @ a + task.drift, task.task_acceleration, rtol=0, atol=1e-7 * (1 + size.max())
-        )
-        np.testing.assert_allclose(
-            task.E @ a, task.e, rtol=0, atol=1e-7 * (1 + np.abs(task.E) @ np.abs(a)).max(initial=1)
-        )
+        assert_met(task, answer.tau)
 
 
 @given(problems(**CALM, damped=False))
@@ -169,10 +158,11 @@ def test_duplicated_rows_change_nothing(task: WeightedTorque):
 # ---- limits
 @given(problems(**CALM | {"consistent": None}, limited=True, damped=False))
 def test_within_limits_the_optimum_meets_the_conditions_of_optimality(task: WeightedTorque):
-    """Property 53: W (τ − τ₀) − Aᵀ λ pushes only at limits and only inwards."""
+    """Property 53: W (τ − τ₀) − Aᵀ λ pushes only at limits and only inwards; with the task met, no torque is better."""
     answer = task.solve()
     if not answer.feasible:
         return
+    assert_met(task, answer.tau)
     push = (
         task.W @ (answer.tau - task.tau_0)
         - (np.vstack([task.J, task.E]) @ np.linalg.inv(task.M)).T @ answer.multipliers
@@ -223,26 +213,6 @@ def test_the_scale_is_that_of_a_linear_program(task: WeightedTorque, solver: str
         assert answer.feasible == (answer.scale == 1.0)
 
 
-@given(problems(**CALM, weights=["identity"], limited=True, damped=False, equalities=False))
-def test_the_optimum_within_limits_is_that_of_bounded_least_squares(task: WeightedTorque):
-    """Property 53: scipy's lsq_linear with the task at a weight that leaves 1e-10 of it."""
-    answer = task.solve()
-    if not answer.feasible:
-        return
-    A = task.J @ np.linalg.inv(task.M)
-    b = task.task_acceleration - task.drift + A @ (task.n - task.tau_external)
-    unit = np.abs(answer.tau).max() + np.abs(task.tau_0).max()
-    condition = np.linalg.cond(A)
-    if condition > 30:
-        return
-    heavy = 1e5 / np.linalg.norm(A, 2)
-    found = lsq_linear(
-        np.vstack([np.eye(len(task.n)), heavy * A]), np.concatenate([task.tau_0, heavy * b]) / unit,
-        (task.tau_min / unit - 1e-12, task.tau_max / unit + 1e-12), method="bvls", tol=1e-14,
-    )  # fmt: skip
-    np.testing.assert_allclose(found.x * unit, answer.tau, rtol=0, atol=1e-5 * condition**2 * unit)
-
-
 def test_a_task_out_of_reach_is_scaled_and_says_so():
     """τ ≤ 5 N allows 60 % of the acceleration: by hand, (5 − τ_rest) / (τ_full − τ_rest)."""
     task = WeightedTorque([[2.0]], [1.0], [[1.0]], [10.0 / 3.0], tau_min=-5.0, tau_max=5.0)
@@ -287,3 +257,92 @@ def test_equal_rows_with_opposite_accelerations_leave_the_scale_zero(form: str):
         task = WeightedTorque(factor @ factor.T + np.eye(3), [1.0, 2.0, 3.0], [row, row], [-1.0, 1.0], tau_0=0.5)
         scales = [answer.scale for answer in (task.closed_form(), task.solve(form=form))]
         np.testing.assert_allclose(scales, 0.0, atol=1e-9)
+
+
+# ---- damping at singularities
+@given(problems(**CALM, damped=False, equalities=False))
+def test_damping_leaves_an_error_of_its_square_and_ends_at_tau_0(task: WeightedTorque):
+    """Property 54: ‖A τ − b‖ = O(d²), d → 0 is the undamped answer, d → ∞ gives τ₀."""
+    A = task.J @ np.linalg.inv(task.M)
+    b = task.task_acceleration - task.drift + A @ (task.n - task.tau_external)
+    scale = np.sqrt(np.linalg.eigvalsh(A @ np.linalg.inv(task.W) @ A.T)[0])
+
+    def error(d: float) -> float:
+        return float(np.linalg.norm(A @ again(task, damping=d * scale).closed_form().tau - b))
+
+    whole = float(np.linalg.norm(A @ task.tau_0 - b))
+    for d in (0.3, 0.1):
+        assert error(d) <= d**2 * whole * (1 + 1e-6)
+    assert error(0.01) <= 1.1e-2 * error(0.1) + 1e-8 * whole
+    assert_same(task, again(task, damping=1e-4 * scale).closed_form().tau, task.closed_form().tau, 1e-5)
+    most = 1e8 * np.sqrt(np.linalg.norm(A @ np.linalg.inv(task.W) @ A.T, 2))
+    far = again(task, damping=min(most, LARGEST))  # no argument may be larger
+    assert_same(task, far.closed_form().tau, task.tau_0, 1e-6)
+    assert_same(task, far.solve().tau, task.tau_0, 1e-6)
+
+
+def test_damped_torques_are_continuous_through_singularities():
+    """Property 54: two rows that become parallel; without damping the torque grows without bound."""
+
+    def torque(angle: float, damping: float) -> np.ndarray:
+        rows = [[1.0, 0.0], [np.cos(angle), np.sin(angle)]]
+        return WeightedTorque(np.eye(2), [0, 0], rows, [1.0, -1.0], damping=damping).closed_form().tau
+
+    angles = np.linspace(-0.01, 0.01, 201)
+    damped = np.array([torque(angle, 0.1) for angle in angles])
+    assert np.abs(np.diff(damped, axis=0)).max() < 0.05
+    assert np.abs(torque(1e-6, 0.0)).max() > 1e5
+
+
+@pytest.mark.parametrize("form", CLOSED_FORMS)
+@pytest.mark.parametrize("damping", [1e-2, 1e-4, 1e-6])
+def test_more_rows_than_joints_are_least_squares_in_every_closed_form(form: str, damping: float):
+    """Oracle: numpy's least squares of [1; A / d]. The rows contradict each other, and d decides nothing."""
+    rng = generator("more rows than joints", form, damping)
+    for rows in range(4, 9):
+        n = 3
+        task = WeightedTorque(
+            np.eye(n), rng.normal(size=n), rng.normal(size=(rows, n)), rng.normal(size=rows), weight="identity",
+            tau_0=rng.normal(size=n), damping=damping,
+        )  # fmt: skip
+        stacked = np.vstack([np.eye(n), task.J / damping])
+        right = np.append(task.tau_0, (task.task_acceleration + task.J @ task.n) / damping)
+        np.testing.assert_allclose(task.closed_form(form).tau, np.linalg.lstsq(stacked, right)[0], rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("solver", EXACT)
+def test_limits_hold_where_damping_gives_up_most_of_the_task(solver: str, form: str):
+    """Oracle: bounded least squares. The task is missed by up to 1e4 times more than the torques are long."""
+    rng = generator("damped far", form)
+    for _ in range(40):
+        n = int(rng.integers(2, 6))
+        m, damping, size = int(rng.integers(1, n + 1)), 10.0 ** rng.uniform(-2, 0), 10.0 ** rng.uniform(2, 5)
+        task = WeightedTorque(
+            1e-3 * np.eye(n), np.zeros(n), rng.normal(size=(m, n)), size * rng.normal(size=m), weight="identity",
+            tau_0=rng.normal(size=n), damping=damping, tau_min=-1.0, tau_max=1.0,
+        )  # fmt: skip
+        tau = task.solve(solver, form).tau
+        assert np.abs(tau).max() <= 1.0 + 1e-7
+        stacked = np.vstack([np.eye(n), 1e3 * task.J / damping])
+        right = np.append(task.tau_0, task.task_acceleration / damping)
+        found = lsq_linear(stacked, right, (-1.0, 1.0), method="bvls", tol=1e-15)
+        np.testing.assert_allclose(tau, found.x, rtol=0, atol=1e-6)
+
+
+# ---- what is refused
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_contradiction_is_seen_beside_accelerations_of_small_inertias(form: str):
+    """Five rows want five accelerations of four joints; torques move a joint of 1e-6 kg m² at 1e6 rad/s²."""
+    rng = generator("small inertias", form)
+    for _ in range(10):
+        (turn, _), (J, _) = np.linalg.qr(rng.normal(size=(4, 4))), np.linalg.qr(rng.normal(size=(4, 4)))
+        M, E = (turn * [1e-6, 1e-4, 1e-3, 3e-3]) @ turn.T, rng.normal(size=(1, 4))
+        held = (E, E @ np.linalg.solve(J, -np.ones(4)) + 1.0)  # a = J⁻¹ (s − 1) gives E a = e for no scale s
+        known = {"drift": np.ones(4), "tau_0": rng.normal(size=4), "tau_external": rng.normal(size=4)}
+        answer = WeightedTorque(
+            0.5 * (M + M.T), rng.normal(size=4), J, np.zeros(4), weight="identity", equalities=held, **known
+        ).solve(form=form)
+        assert not answer.feasible and np.isnan(answer.scale)
