@@ -2,32 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 
 import wbc
-from tasks.scenarios import SCENARIOS
 from tasks.scenarios.collision_dodge import EVERY, FAR, PERIOD, clearance, obstacles, path
+from tests.scenarios.runs import failed, run
 from wbc.models.collision import Distances
 from wbc.models.geometry import Cylinder
 from wbc.report import run_report
-from wbc.sim.scenario import ScenarioResult, Settings
-
-
-def run(duration: float, *settings: str, plant: str = "integrator") -> ScenarioResult:
-    scenario = SCENARIOS["collision-dodge"]
-    chosen = scenario.choose(plant=plant, hierarchy=None, duration=duration)
-    return scenario.run(scenario.parse(settings), Settings(**chosen))
-
-
-def failed(result: ScenarioResult) -> list[Any]:
-    return [check for check in result.verdict if not check.ok]
 
 
 def test_fifty_ticks_are_certified_and_have_a_report():
-    result = run(0.05)
+    result = run("collision-dodge", plant="integrator", duration=0.05)
     assert not failed(result) and result.run.rows == 50
     assert {obstacle.name for obstacle in result.obstacles} == {"post", "ball"}
     where = result.verdict[0].place
@@ -76,7 +63,7 @@ def test_the_clearance_is_the_smallest_distance_of_all_pairs_at_every_time(seed:
 @pytest.mark.deep
 @pytest.mark.physics
 def test_in_physics_the_whole_way_there_and_back_is_clear_only_with_the_limit():
-    result = run(8.0, plant="mujoco")
+    result = run("collision-dodge", plant="mujoco", duration=8.0)
     assert not failed(result)
     assert result.figures["min_distance_m"] > 0.0 > result.figures["without_m"]
     assert result.figures["tool_error_at_the_end_m"] < 2e-3

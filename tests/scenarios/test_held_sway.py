@@ -32,7 +32,7 @@ from tasks.scenarios.humanoid_stand import STANCES
 from tasks.scenarios.least_torque import least_torque
 from tasks.scenarios.standing import Stance, standing_stack
 from tests.robots.examples import needs_examples
-from tests.scenarios.test_faults import run
+from tests.scenarios.runs import run
 from wbc.sim.actuator_fault import ActuatorFault
 
 HUMANOID = wbc.load("humanoid", base="floating")

@@ -7,26 +7,10 @@ import re
 import numpy as np
 import pytest
 
-from tasks.scenarios import SCENARIOS
 from tasks.scenarios.pr_fault import FAULTS
+from tests.scenarios.runs import failed, pictures, run
 from wbc.report import run_report
-from wbc.report.document import Figure, Plot
-from wbc.sim.scenario import ScenarioResult, Settings
-
-
-def run(name: str, *settings: str, duration: float | None = None, solver: str = "pdas") -> ScenarioResult:
-    scenario = SCENARIOS[name]
-    chosen = scenario.choose(plant=None, hierarchy=None, duration=duration)
-    return scenario.run(scenario.parse(settings), Settings(**chosen, solver=solver))
-
-
-def failed(result: ScenarioResult) -> list[str]:
-    return [check.text for check in result.verdict if not check.ok]
-
-
-def pictures(result: ScenarioResult) -> list[str]:
-    """Names of the figures and plots that the scenario's own sections hold."""
-    return [item.name for section in result.sections for item in section.items if isinstance(item, Figure | Plot)]
+from wbc.report.document import Plot
 
 
 def test_the_first_torque_is_that_of_the_exercise_and_so_is_the_one_with_the_wrong_sign():
@@ -40,7 +24,7 @@ def test_the_first_torque_is_that_of_the_exercise_and_so_is_the_one_with_the_wro
 
 
 def test_without_damping_the_two_runs_are_the_same_and_that_is_not_good():
-    assert failed(run("pr-torque", "damping=0,0", duration=0.5)) == ["fastest turn, damped over not damped"]
+    assert failed(run("pr-torque", "damping=0,0", duration=0.5)) == {"fastest turn, damped over not damped"}
 
 
 def test_residuals_are_those_of_the_exercise_for_every_kind_of_fault():
@@ -62,15 +46,14 @@ def test_a_fault_takes_the_share_that_its_name_says():
 
 
 def test_a_threshold_that_is_never_reached_is_not_called_a_detection():
-    assert failed(run("pr-fault", "threshold=4.9999,1", duration=0.5)) == [
-        "alarm of joint 1 later than the formula says"
-    ]
+    late = "alarm of joint 1 later than the formula says"
+    assert failed(run("pr-fault", "threshold=4.9999,1", duration=0.5)) == {late}
 
 
 def test_the_adaptive_law_is_the_command_from_the_first_tick_on():
     result = run("4p-adaptive", "physical=false", "m=1,1,1,1", duration=2.5)
     late = {"largest error of the last 2 s, moving", "largest error of the last 2 s, at rest"}
-    assert set(failed(result)) <= {*late, "coefficients not found, moving"}
+    assert failed(result) <= {*late, "coefficients not found, moving"}
     assert (result.figures["cartesian_inertia_x_kg"], result.figures["cartesian_inertia_y_kg"]) == (2.0, 1.0)
     assert pictures(result) == [
         "coefficients-moving", "coefficients-rest", "adaptive-error", "adaptive-lyapunov",
@@ -98,3 +81,16 @@ def test_what_a_scenario_shows_stands_behind_the_verdict():
         "Verdict", "Total fault of actuator 1", "Other faults",
     ]  # fmt: skip
     assert report.sections[-1].title == "Limits of this run"
+
+
+def test_the_step_of_the_plane_is_exact_and_limits_and_gradient_are_both_felt():
+    result = run("pg-step", "robot=arm", duration=1.5)
+    assert not failed(result)
+    assert result.figures["alpha_star_in_plane"] == pytest.approx(1.1, abs=1e-12)
+    assert 0.0 < result.figures["share_of_ticks_with_a_full_step"] < 1.0
+    assert pictures(result) == ["pg-plane", "pg-alpha", "pg-climb", "pg-speed"]
+    assert b"<svg" in result.sections[0].items[0].data
+
+
+def test_a_task_too_fast_for_the_joints_is_not_called_good():
+    assert "certified ticks" in failed(run("pg-step", "robot=arm", "speed=0.05", duration=1.5))

@@ -1,10 +1,9 @@
-"""Robots that make and break contacts keep to what their verdict demands: one step in every run, ten when asked."""
+"""Our own robots make and break contacts as their verdicts demand."""
 
 from __future__ import annotations
 
 from itertools import pairwise
 from types import SimpleNamespace
-from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -12,16 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import wbc
-from tasks import Damping
 from tasks.scenarios import SCENARIOS
 from tasks.scenarios.humanoid_stand import STANCES
 from tasks.scenarios.judge import stance_slid
 from tasks.scenarios.quadruped_trot import LANDING, SWING, swinging, swings, timeline
 from tasks.scenarios.walking import Gait, walk
-from tests.robots.examples import needs_examples
-from tests.scenarios.test_standing import failed, run
+from tests.scenarios.runs import failed, parameters, run, trial
 from wbc.report import measure
-from wbc.sim.scenario import Parameters, ScenarioResult, Settings, Trial
+from wbc.sim.scenario import ScenarioResult
 
 HUMANOID = wbc.load("humanoid")
 
@@ -49,16 +46,6 @@ def test_our_own_humanoid_takes_a_step(step: ScenarioResult) -> None:
     open_ticks = [result.run[f"f.{name}"][:, 2] == 0.0 for name in result.run.meta["contacts"]]
     assert [int(ticks.sum()) for ticks in open_ticks] == [800, 0]
     assert 0.0 < result.figures["plan_torque_step_Nm"] <= 1.0
-
-
-@needs_examples
-@pytest.mark.physics
-@pytest.mark.deep
-@pytest.mark.parametrize("robot", ["talos", "g1"])
-def test_real_humanoids_take_ten_steps(robot: str) -> None:
-    result = run("humanoid-step", f"robot={robot}")
-    assert not failed(result)
-    assert result.figures["steps"] == 10
 
 
 @pytest.mark.physics
@@ -99,26 +86,14 @@ def test_a_trot_lifts_pairs_across_in_turn_and_ends_on_four_feet(duration: float
         assert front.split()[0] == "front" and rear.split()[0] == "rear" and front.split()[1] != rear.split()[1]
 
 
-@needs_examples
-@pytest.mark.physics
-@pytest.mark.deep
-def test_a_real_quadruped_trots_in_place_for_ten_seconds() -> None:
-    result = run("quadruped-trot-in-place", "robot=go2")
-    assert not failed(result)
-    assert result.figures["steps"] == 22
-
-
 @pytest.mark.physics
 def test_a_foot_that_is_not_where_it_was_to_be_is_no_step(step: ScenarioResult) -> None:
     robot = STANCES["humanoid"].robot("humanoid")
     gait = Gait(length=0.1, lift=0.04, shift=1.2, swing=0.8, inset=0.01)  # two centimetres longer than it was
-    setup: Any = SimpleNamespace(
-        plant=SimpleNamespace(model=robot), about=walk(robot.state(), robot.feet, gait, 1), stack=wbc.Stack([Damping()])
-    )
-    scenario, none = SCENARIOS["humanoid-step"], cast("Any", None)
-    p = Parameters(scenario.parse(["robot=humanoid"]), Settings("mujoco", "weighted", 3.0))
-    judged = scenario.judge(iter([Trial("", setup, none, step.run)]), p)
-    assert {"steps taken", "placement of a foot"} <= {check.text for check in failed(judged)}
+    scenario, plant = SCENARIOS["humanoid-step"], SimpleNamespace(model=robot)
+    longer = trial(plant, walk(robot.state(), robot.feet, gait, 1), step.run)
+    judged = scenario.judge(iter([longer]), parameters(scenario, "robot=humanoid", duration=3.0))
+    assert {"steps taken", "placement of a foot"} <= failed(judged)
     assert judged.figures["placement_m"] == pytest.approx(0.02, abs=2e-3)
 
 
