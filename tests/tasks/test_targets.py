@@ -216,7 +216,7 @@ def test_numbers_that_come_in_a_tick_are_left_to_the_certificate_but_not_shapes(
 
 FOLLOWING: dict[str, Any] = {  # tasks by what their targets are
     "position": (np.zeros(3), partial(Position, TOOL)),
-    "rotation": (IDENTITY, partial(Orientation, TOOL)),
+    "rotation": (np.eye(3), partial(Orientation, TOOL)),
     "pose": (np.eye(4), partial(Frame, TOOL)),
     "joints": (ARM.q0, Posture),
 }
