@@ -143,7 +143,7 @@ def lowered(robot: RobotModel, stack: wbc.Stack, q: Vec, v: Vec) -> tuple[QP, An
 
     The plan is made without the look for contradictions: some of these stacks have them in every state.
     """
-    plan = Plan(robot, stack, LEVEL, 1e-3, robot.state())
+    plan = Plan(robot, stack, LEVEL, 1e-3, robot.state(), hierarchy=wbc.Weighted())
     state = robot.state()
     state.update(0.0, q, v)
     plan.start(state)
