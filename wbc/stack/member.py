@@ -8,7 +8,6 @@ What is assigned to the member later is assigned to every copy at the start of t
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from copy import copy
 from enum import Enum
 from inspect import get_annotations
@@ -398,17 +397,24 @@ def bound(member: M, model: RobotModel) -> M:
     return cast(M, own)
 
 
-@contextmanager
-def explained(where: str) -> Iterator[None]:
-    """A call of a member while a plan is made: what goes wrong there, or in its target, is said by its name.
+@final
+class explained:  # a context, whose making a tick with new weights pays for each member
+    """A call of a member: what goes wrong there, or in its target, is said by its name.
 
     Raises:
         MemberFailed: it raised; what the library itself refuses is raised as it is.
     """
-    try:
-        yield
-    except (WbcError, Warning) as refused:
-        refused.add_note(f"in {where}")
-        raise
-    except Exception as cause:
-        raise MemberFailed(where, cause) from cause
+
+    __slots__ = ("_where",)
+
+    def __init__(self, where: str) -> None:
+        self._where = where
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, kind: object, cause: BaseException | None, trace: object) -> None:
+        if isinstance(cause, WbcError | Warning):
+            cause.add_note(f"in {self._where}")
+        elif isinstance(cause, Exception):
+            raise MemberFailed(self._where, cause) from cause
