@@ -55,7 +55,7 @@ def _in_turn(method: _F) -> _F:
 
     @wraps(method)
     def call(self: Controller, *given: Any, **named: Any) -> Any:
-        with self.turn:
+        with self._turn:
             if self._busy:
                 raise InvalidInput(_WITHIN.format(method.__name__))
             self._busy = True
@@ -98,8 +98,8 @@ class Controller(Solving, metaclass=TellsArguments):
     """
 
     __slots__ = (
-        "_acceleration", "_busy", "_former", "_kept", "_solved", "_started", "components", "fallbacks", "measured",
-        "turn", "watch",
+        "_acceleration", "_busy", "_former", "_kept", "_solved", "_started", "_turn", "components", "fallbacks",
+        "measured", "watch",
     )  # fmt: skip
 
     #: The plan that the tick before was solved with.
@@ -112,8 +112,6 @@ class Controller(Solving, metaclass=TellsArguments):
     _kept: Sequence[Component]
     #: What the last tick was given.
     measured: Measured
-    #: Held during a tick, a ``replace``, a ``reset`` and ``compile_waiting``.
-    turn: Any
 
     def __init__(
         self,
@@ -142,7 +140,7 @@ class Controller(Solving, metaclass=TellsArguments):
         self.watch = Watch(checks.instance("watchdog", watchdog, Watchdog, "wbc.Watchdog(...)"), dt)
         hierarchy = Weighted() if hierarchy is None else hierarchy
         checks.instance("hierarchy", hierarchy, Hierarchy, "Weighted(), Strict() or Scaled()")
-        self.turn, self._busy = RLock(), False
+        self._turn, self._busy = RLock(), False
         solver = by_name(solver)
         if solver.offline:
             raise NotSupported(
@@ -239,10 +237,10 @@ class Controller(Solving, metaclass=TellsArguments):
         """Decide the command for time t [s], configuration q (nq,) and velocity v (nv,).
 
         Raises:
-            InvalidInput: q or v has another shape, an argument is not real numbers, or a member calls it within a tick.
+            InvalidInput: q or v has another shape, an argument is not real numbers, or it is called within a tick.
                 Nothing else is raised.
         """
-        with self.turn:  # written out: in every tick a decorator costs more than this
+        with self._turn:  # written out: in every tick a decorator costs more than this
             if self._busy:
                 raise InvalidInput(_WITHIN.format("tick"))
             self._busy = True
