@@ -55,15 +55,15 @@ def write_npz(path: Place, **arrays: Any) -> None:
         InvalidInput: something else than a file stands there, or nothing can be written there.
     """
     with written(path) as aside, aside.open("wb") as file:
-        np.savez_compressed(file, **arrays)
+        write_arrays(file, arrays)
 
 
-def write_arrays(file: IO[bytes], arrays: Mapping[str, NDArray[Any]]) -> None:
+def write_arrays(file: IO[bytes], arrays: Mapping[str, Any]) -> None:
     """An .npz by hand: np.savez would take arrays called ``file`` or ``allow_pickle`` for its own arguments."""
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         for name, values in arrays.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
-                np.lib.format.write_array(entry, values, allow_pickle=False)
+                np.lib.format.write_array(entry, np.asarray(values), allow_pickle=False)
 
 
 def read_json(where: str, text: str | bytes) -> Any:
