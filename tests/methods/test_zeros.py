@@ -49,8 +49,8 @@ def test_a_task_that_can_be_done_is_done_beside_dead_motors(solver: str, weight:
         tau, lower, upper = a_point(rng, n)
         bias, preferred = rng.integers(-3, 4, size=(2, n)).astype(float)
         task = WeightedTorque(
-            np.diag(inertia), bias, J, J @ ((tau - bias) / inertia), weight=weight, tau_0=preferred,
-            tau_min=lower, tau_max=upper,
+            np.diag(inertia), bias, J, J @ ((tau - bias) / inertia), weight=weight,
+            tau_0=preferred * rng.integers(0, 2), tau_min=lower, tau_max=upper,
         )  # fmt: skip
         found = task.solve(solver)
         assert found.feasible, task
