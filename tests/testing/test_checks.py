@@ -110,8 +110,8 @@ class HoldsWhereItWas(Height):
         out.e[:] = self.start - height
 
 
-class KeepsByConfiguration(Height):
-    """Computes its drift once for each configuration, so that it is that of the velocity seen there first."""
+class Kept:
+    """Of a member that computes its drift once for each configuration: that of the velocity seen there first."""
 
     kept: tuple[bytes, Any] = (b"", None)
 
@@ -120,6 +120,10 @@ class KeepsByConfiguration(Height):
         if self.kept[0] != state.q.tobytes():
             self.kept = (state.q.tobytes(), out.drift.copy())
         out.drift[:] = self.kept[1]
+
+
+class KeepsByConfiguration(Kept, Height):
+    pass
 
 
 class NegativeWeight(Height):

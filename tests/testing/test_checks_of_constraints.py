@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tasks import Damping, JointVelocityLimits, Point, Sole
-from tests.testing.test_checks import Height, WrongSign
+from tests.testing.test_checks import Height, Kept, WrongSign
 from wbc.control.controller import Controller
 from wbc.errors import InvalidInput
 from wbc.stack.constraint import Barrier, JointInterval, LinearConstraint
@@ -56,14 +56,8 @@ class CeilingWhereItWas(Ceiling):
         out.h[:] -= self.start
 
 
-class CeilingKeptByConfiguration(Ceiling):
-    kept: tuple[bytes, Any] = (b"", None)
-
-    def fill(self, state, out):
-        super().fill(state, out)
-        if self.kept[0] != state.q.tobytes():
-            self.kept = (state.q.tobytes(), out.drift.copy())
-        out.drift[:] = self.kept[1]
+class CeilingKeptByConfiguration(Kept, Ceiling):
+    pass
 
 
 class CeilingKeptForEachConfiguration(Ceiling):
