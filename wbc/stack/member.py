@@ -232,13 +232,16 @@ def _annotated(kind: type[Any]) -> set[str]:
 class _Tie:
     """One member and the copy of it: what is assigned to the member, and what the copy was without components."""
 
-    __slots__ = ("__weakref__", "assigned", "base", "binding", "member", "own")
+    __slots__ = ("__weakref__", "assigned", "base", "binding", "changed", "holders", "member", "own")
 
     def __init__(self, member: Member, binding: Binding) -> None:
         self.member, self.binding, self.own = member, binding, copy(member)
         #: What the copy is still to be given.
         self.assigned: dict[str, Any] = {}
         self.base: dict[str, Any] | None = None
+        #: The version of the binding in which the copy changed last, and the copies that hold it.
+        self.changed = 0
+        self.holders: list[_Tie] = []
 
     def restore(self) -> bool:
         """Take back what components changed; whether weights or gains may have been among it."""
@@ -251,22 +254,23 @@ class _Tie:
 class Binding:
     """The copies of a stack's members that the plans of one controller share.
 
-    ``stamp`` rises whenever a copy changes; ``targets`` whenever one of them may have got another target.
+    ``version`` rises whenever copies change; ``stamp`` is the version in which a weight or a gain may have.
     """
 
     def __init__(self) -> None:
         self._ties: dict[int, _Tie] = {}
+        self._tie_of: dict[int, _Tie] = {}
         #: Rises whenever users assigned something to a member.
         self.assigned = 0
         #: Whether they did so since the last ``refresh``.
         self.is_behind = False
-        self.stamp = self.targets = 0
+        self.stamp = self.version = 0
         self._settings: Mapping[str, Mapping[str, Any]] = {}
 
-    def own(self, value: Any) -> Any:
+    def own(self, value: Any, holder: _Tie | None = None) -> Any:
         """The copy of a member, the same one each time; members that it holds are copied too. Else ``value``."""
         if type(value) in (list, tuple):
-            return type(value)(self.own(one) for one in value) if any(map(_holds, value)) else value
+            return type(value)(self.own(one, holder) for one in value) if any(map(_holds, value)) else value
         if not isinstance(value, Member):
             return value
         tie = self._ties.get(id(value))
@@ -274,11 +278,28 @@ class Binding:
             with _LOCK:
                 tie = self._ties[id(value)] = _Tie(value, self)
                 value.__dict__.setdefault("_ties", WeakSet()).add(tie)
+            self._tie_of[id(tie.own)] = tie
             settings = tie.own.__dict__
             for name, inner in settings.items():
-                settings[name] = copy(inner) if isinstance(inner, Target) else self.own(inner)
+                settings[name] = copy(inner) if isinstance(inner, Target) else self.own(inner, tie)
             settings["_role"] = _Role.OPEN
+        if holder is not None:
+            tie.holders.append(holder)
         return tie.own
+
+    def has_changed(self, member: Member, since: int) -> bool:
+        """Whether a copy, or one that it holds, may be another than in the version ``since``."""
+        tie = self._tie_of.get(id(member))  # None for what a plan made by itself, of copies
+        return tie is None or tie.changed > since
+
+    def _change(self, tie: _Tie, weighs: bool) -> None:
+        """The copy is another one in this version, and so is whatever holds it."""
+        if weighs:
+            self.stamp = self.version
+        if tie.changed < self.version:
+            tie.changed = self.version
+            for holder in tie.holders:
+                self._change(holder, weighs)
 
     def close(self) -> None:
         """Every copy has been prepared: from now on only :meth:`refresh` and :meth:`override` change them."""
@@ -308,9 +329,8 @@ class Binding:
 
     def given(self, own: Any) -> Any:
         """A copy of one of the copies as users set it, without what is overridden."""
-        tie = next(tie for tie in self._ties.values() if tie.own is own)
         same = copy(own)
-        same.__dict__.update(tie.base or {})
+        same.__dict__.update(self._tie_of[id(own)].base or {})
         return same
 
     def followed(self) -> Iterator[Target]:
@@ -335,17 +355,17 @@ class Binding:
         list(self._tried(settings))
 
     def _update(self, settings: Mapping[str, Mapping[str, Any]]) -> None:
-        weighs = False
+        self.version += 1
         for tie in self._ties.values():
             if tie.assigned:
-                weighs |= tie.restore()
+                self._change(tie, tie.restore())
                 tie.own.__dict__["_role"] = _Role.OPEN
                 try:
                     while tie.assigned:
                         with _LOCK:
                             name = next(iter(tie.assigned))
                             value = tie.assigned.pop(name)
-                        weighs |= name not in _FOLLOWED
+                        self._change(tie, name not in _FOLLOWED)
                         setattr(tie.own, name, value)
                 except Exception as cause:
                     raise MemberFailed(f"{tie.own.name}.{name}", cause) from cause
@@ -353,15 +373,13 @@ class Binding:
                     tie.own.__dict__["_role"] = _Role.CLOSED
         found = list(self._tried(settings))
         for tie in self._ties.values():
-            weighs |= tie.restore()
+            if tie.base is not None:
+                self._change(tie, tie.restore())
         for tie, changed in found:
-            weighs |= not changed.keys() <= _FOLLOWED
+            self._change(tie, not changed.keys() <= _FOLLOWED)
             tie.base = {name: tie.own.__dict__.get(name, getattr(type(tie.own), name, None)) for name in changed}
             tie.own.__dict__.update(changed)
         self._settings = settings
-        self.targets += 1
-        if weighs:
-            self.stamp += 1
 
     def _tried(self, settings: Mapping[str, Mapping[str, Any]]) -> Iterator[tuple[_Tie, dict[str, Any]]]:
         """Of each member named, which attributes of its copy change to what."""

@@ -7,8 +7,8 @@ applies all gains at once and completes the row problem (:mod:`wbc.qp.rows.probl
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, final
+from collections.abc import Callable, Iterable
+from typing import Any, TypeVar, final
 
 import numpy as np
 
@@ -37,6 +37,8 @@ from wbc.stack.motion import MotionRows
 from wbc.stack.stack import Stack
 from wbc.stack.stopping import Stopping
 from wbc.types import Status, Vec
+
+_B = TypeVar("_B", bound=Block)
 
 
 @final
@@ -199,33 +201,37 @@ class Plan(Filled):
                 self._bound_torques(trial)
         self.fill(state)
 
-    # ---- weights: read again when a task was assigned to
+    # ---- weights: read again of what was assigned to
     def _read_weights(self) -> None:
         """Gains, weights, cones and bounds on forces; where one cannot be used, no tick has an answer.
+
+        Those of members that have not changed are as they were read last.
 
         Raises:
             InvalidInput: gains with which errors grow from tick to tick.
             MemberFailed: a member raised, or gave what none can be.
         """
         layout, p = self.layout, self.problem
-        for motion in layout.motions:
+        since, self._stamp = self._stamp, -1  # where one raises, all are read again
+        for motion in self._changed(layout.motions, since):
             with explained(f"{motion.name}.gains"):
                 self.motion.set_gains(motion.motion, motion.says)
-        for block in layout.objectives:
+        for block in self._changed(layout.objectives, since):
             with explained(f"{block.name}.weights"):
                 block.weights[:] = block.member.weights()
         eps, nb, nv, n_u = self.level.regularisation, self.model.nb, self.model.nv, layout.n_u
         joints = eps + self._joint_weights.sum(axis=0)
-        p.unit = float(joints.max())
+        unit, p.unit = p.unit, float(joints.max())
         p.metric[: nb - n_u] = eps / p.unit
         self.damping.in_metric.base[:] = joints
         self.damping.read_weights()
         share(self._shares.address)
-        if layout.nf:
+        contacts = layout.contacts if p.unit != unit else self._changed(layout.contacts, since)
+        if layout.nf and contacts:
             forces = self._force_weights + eps
             p.scale[nv : nv + layout.nf] = np.sqrt(p.unit / forces)
             self.force_scale = p.scale[nv : nv + layout.nf].copy()
-            for block in layout.contacts:  # constant rows K f <= 0, on the scaled forces
+            for block in contacts:  # constant rows K f <= 0, on the scaled forces
                 with explained(f"{block.name}.cone"):
                     p.G[block.cone, block.unknowns] = block.member.cone() * p.scale[block.unknowns]
                 p.upper[p.item(block.cone.start) : p.item(block.cone.stop)] = 0.0
@@ -238,6 +244,10 @@ class Plan(Filled):
         for soft in layout.soft:
             p.scale[soft.unknowns] = np.sqrt(p.unit / (soft.weights + eps))
         self._stamp = self.binding.stamp
+
+    def _changed(self, blocks: Iterable[_B], since: int) -> list[_B]:
+        """Those whose members may be others than in this version of the binding."""
+        return [block for block in blocks if self.binding.has_changed(block.member, since)]
 
     # ---- the hot path
     def start(self, state: RobotState) -> None:
@@ -344,11 +354,14 @@ class Plan(Filled):
             self._try(self._by_speed[0].name, self._bound_torques, state)
         self._run(LOOK)
 
-    def _try(self, name: str, fill: Callable[[Any], None], given: Any) -> None:
+    def _try(self, name: str, fill: Callable[[Any], None], given: Any) -> bool:
+        """Whether a member did not raise."""
         try:
             fill(given)
         except Exception as cause:
             self.failed(name, cause)
+            return False
+        return True
 
     def _refuse_spoilt(self) -> None:
         self._spoilt = self._call.item(fill_kernel.SPOILT)

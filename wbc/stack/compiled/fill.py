@@ -21,12 +21,12 @@ class CompiledFill:
 
     Blocks whose members say their rows by a kernel are asked once, here; all others are called in every tick: those of
     motion rows here, ``others``, when all these are written, by the plan. ``attempt(name, function, argument)`` calls
-    one, and keeps who raised, and what.
+    one, keeps who raised, and what, and returns whether nobody did.
 
     ``is_complete`` is false where a member raised here: then it is called, which says why, until it is asked again.
     """
 
-    def __init__(self, plan: Filled, state: Any, attempt: Callable[..., None]) -> None:
+    def __init__(self, plan: Filled, state: Any, attempt: Callable[..., bool]) -> None:
         self.state, self._attempt = state, attempt
         layout, motion, p, model = plan.layout, plan.motion, plan.problem, plan.model
         self._applied, self._binding, self._references = plan.applied, plan.binding, motion.numbers[2:4]
@@ -67,6 +67,10 @@ class CompiledFill:
             self._sizes, p.G, motion.numbers, plan.shares, p.centre, v, *of_dynamics, *plan.joint_bound_rows,
             state.q_joints, *plan.intervals.memory, p.lower, p.upper,
         )  # fmt: skip
+        #: Of either kind of items: rows of the motions that kernels know, and what the kernel reads.
+        self._known: list[list[list[int]]] = [[], []]
+        self._tables = [self._table(items, []) for items in self._items]
+        self._sizes[12:14] = [table.address for table in self._tables]
         #: For the kernel that fills.
         self.address = self._memory.address
 
@@ -77,36 +81,44 @@ class CompiledFill:
 
     def __call__(self) -> None:
         """Write for what the state is now whatever is not compiled, and what the kernel reads."""
-        state, version = self.state, self._binding.targets
+        state = self.state
         if self._calls:
             self._references[:] = 0.0  # those that a task does not write are zero, in every tick
             for block in self._calls:
                 self._attempt(block.name, block.fill, state)
         self._now[0] = t = state.t
-        if version != self._version:
-            self._version, self.moving = version, []
-            self._read = [self._table(items, t) for items in self._items]
-            self._sizes[12:14] = [memory.address for memory in self._read]
-        else:
+        if self._version == self._binding.version:
             for name, target in self.moving:
                 self._attempt(name, target.follow, t)
+        else:
+            self._read(t)
         if self._applied.inertia is not self._inertia:
             self._inertia = more = self._applied.inertia
             self._sizes[11] = more is not None
             self._more_inertia[:] = 0.0 if more is None else more
 
-    def _table(self, items: list[tuple[Block, Item]], t: float) -> Memory:
-        """Settings again, and which targets move; what :func:`~wbc.stack.compiled.finish_kernel.write_all` reads."""
-        known: list[list[int]] = []
-        for block, item in items:
-            self._attempt(block.name, item.take, block)
-            for target in item.targets:
-                self._attempt(block.name, target.follow, t)
-                row = target.known()
-                if row is not None:
-                    known.append(row)
-                elif target.function is not None:
-                    self.moving.append((block.name, target))
+    def _read(self, t: float) -> None:
+        """Settings and targets of what has changed, where one raises in the next tick too; which targets move."""
+        since, self._version, self.moving = self._version, self._binding.version, []
+        for k, items in enumerate(self._items):
+            known: list[list[int]] = []
+            for block, item in items:
+                changed = self._binding.has_changed(block.member, since)
+                read = not changed or self._attempt(block.name, item.take, block)
+                for target in item.targets:
+                    if changed or target.is_called:
+                        read &= self._attempt(block.name, target.follow, t)
+                    known += target.known
+                    if target.is_called:
+                        self.moving.append((block.name, target))
+                if not read:
+                    self._version = since
+            if known != self._known[k]:
+                self._known[k], self._tables[k] = known, self._table(items, known)
+                self._sizes[12 + k] = self._tables[k].address
+
+    def _table(self, items: list[tuple[Block, Item]], known: list[list[int]]) -> Memory:
+        """What :func:`~wbc.stack.compiled.finish_kernel.write_all` reads."""
         sizes = np.array([len(items), len(known)], dtype=np.int64)
         addresses = [[item.memory.address, block.finishing] for block, item in items]
         return Memory(sizes, np.array(known, dtype=np.int64), self._now, np.array(addresses, dtype=np.int64))

@@ -115,33 +115,35 @@ def _placed(thing: Any, placement: Vec, name: str, state: RobotState) -> Any:
 class Following:
     """Where a target goes: its value as numbers, (12,) of a pose, its rate and its acceleration."""
 
-    __slots__ = ("_kept", "_reference", "_seen", "function", "rate", "second", "value")
+    __slots__ = ("_kept", "_reference", "_seen", "known", "rate", "second", "value")
 
     def __init__(self, reference: Callable[[float], Target], value: Vec, rate: Vec, second: Vec) -> None:
         self._reference, self.value, self.rate, self.second = reference, value, rate, second
         self._seen: Target | None = None
-        #: The function of time that the target seen last is; None for a value.
-        self.function: Callable[[float], Any] | None = None
+        #: Of the target seen last: its row in the table of motions, where kernels know it.
+        self.known: list[list[int]] = []
+
+    @property
+    def is_called(self) -> bool:
+        """Whether the target seen last is a function of time that kernels do not know."""
+        return self._seen is not None and self._seen.function is not None and not self.known
 
     def follow(self, t: float) -> None:
         """Copy the target of time t, where it may be another one than before."""
         target = self._reference(t)
-        if target is self._seen and self.function is None:
+        if target is not self._seen:
+            found = KnownMotion.of(target.function)
+            self._seen, self.known = target, []
+            if found is not None and found.size == len(self.value):
+                self._kept = Memory(found.numbers, self.value, self.rate, self.second)
+                self.known = [[found.kind, found.size, *self._kept.addresses.tolist()]]
+        elif target.function is None:
             return
-        self._seen, self.function = target, target.function
         first = 0
         for part in _parts(target):
             self.value[first : first + part.size] = part.ravel()
             first += part.size
         self.rate[:], self.second[:] = target.rate, target.second
-
-    def known(self) -> list[int] | None:
-        """The row of the table of motions, where kernels know this one."""
-        found = KnownMotion.of(self.function)
-        if found is None or found.size != len(self.value):
-            return None
-        self._kept = Memory(found.numbers, self.value, self.rate, self.second)
-        return [found.kind, found.size, *self._kept.addresses.tolist()]
 
 
 def _parts(target: Target) -> tuple[Vec, ...]:

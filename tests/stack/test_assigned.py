@@ -1,0 +1,109 @@
+"""What was assigned or overridden between ticks: a plan that has read it is as one that is made with it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+import wbc
+from tasks import CenterOfMass, ContactForce, JointVelocityLimits, Orientation, Point, Position, Posture, Sinusoid
+from tests.stack.conftest import Saying
+
+QUADRUPED = wbc.load("quadruped")
+FEET = [name for name in QUADRUPED.frame_names if name.endswith("_foot")]
+CENTRE = QUADRUPED.state().com
+HIP = QUADRUPED.state().frame(FEET[0]).position
+FORCE = np.array([0.0, 0.0, 60.0])
+
+
+def late(t: float) -> Any:
+    """A target that exists at first, and not when it is asked for."""
+    if t > 0.0:
+        raise RuntimeError("the plan is late")
+    return CENTRE
+
+
+def members() -> dict[str, Any]:
+    held = Position(FEET[0], target=HIP, kp=30.0, name="held")
+    watched = Orientation("trunk", target=np.eye(3), name="watched")
+    return {
+        "centre": CenterOfMass(target=CENTRE, weight=2.0),
+        "posture": Posture(QUADRUPED.q0, weight=0.1),
+        "other": Posture(QUADRUPED.q0, weight=1e-3, name="other"),
+        "force": ContactForce(FEET[1], target=FORCE, weight=1e-3),
+        "speeds": JointVelocityLimits().softly(weight=5.0),
+        "held": held, "exactly": held.exactly(), "watched": watched, "within": watched.within(0.5, rate=8.0),
+        **{foot: Point(foot, friction=0.6, f_max=300.0) for foot in FEET[1:]},
+    }  # fmt: skip
+
+
+def stack_of(made: dict[str, Any], components: list[Any]) -> wbc.Stack:
+    tasks = [made[name] for name in ("centre", "posture", "other", "force", "speeds")]
+    limits = [made["exactly"], made["within"]]
+    return wbc.Stack(tasks, contacts=[made[foot] for foot in FEET[1:]], subject_to=limits, components=components)
+
+
+NUMBERS, BY_JOINT = [0.0, 0.25, 3.0, 40.0], [{".*": 2.0}, np.linspace(0.0, 9.0, QUADRUPED.nj)]
+PLACES = [CENTRE, CENTRE + 0.1, Sinusoid(CENTRE, amplitude=0.1, frequency=1.0), lambda t: CENTRE + t]
+#: Names of members, a setting that they have, and values for it.
+SETTINGS: list[tuple[list[str], str, list[Any]]] = [
+    (["centre", "posture", "held", "watched", *FEET[1:]], "kp", NUMBERS),
+    (["centre", "posture", "held", "watched", *FEET[1:]], "kd", NUMBERS),
+    (["centre", "posture", "other", "force", "speeds"], "weight", NUMBERS),
+    (["posture", "other"], "weight", BY_JOINT),
+    (["posture", "other"], "kp", BY_JOINT),
+    (["centre", "posture", "force"], "active", [True, False]),
+    (["centre"], "target", PLACES),
+    (["held"], "target", [HIP, HIP + 0.02]),
+    (["force"], "target", [FORCE, FORCE / 2]),
+    (FEET[1:], "f_max", [None, 50.0, 200.0]),
+    (["within"], "rate", [2.0, 8.0]),
+]
+choices = st.one_of(
+    st.tuples(st.sampled_from(names), st.just(what), st.sampled_from(values)) for names, what, values in SETTINGS
+)
+overridden = st.sampled_from(
+    [None, {"Posture": {"weight": 7.0}}, {"CenterOfMass": {"kp": 9.0, "target": CENTRE - 0.1}}, {"other": {"kd": 1.0}}]
+)
+steps = st.lists(st.tuples(st.lists(choices, max_size=5), overridden), min_size=1, max_size=4)
+
+
+@given(steps)
+def test_what_is_assigned_and_overridden_is_what_a_new_controller_is_made_with(taken: Any) -> None:
+    made, saying = members(), Saying()
+    level = wbc.InverseDynamics(lm_damping=0.0)
+    controller = wbc.Controller(QUADRUPED, stack_of(made, [saying]), level=level)
+    assigned: list[tuple[str, str, Any]] = []
+    q, v = QUADRUPED.q0, np.full(QUADRUPED.nv, 0.1)
+    for k, (now, said) in enumerate(taken):
+        for name, what, value in now:
+            setattr(made[name], what, value)
+        assigned += now
+        saying.now = None if said is None else wbc.Overrides(tasks=said)
+        controller.tick(1e-3 * k, q, v)
+        fresh, also = members(), Saying(saying.now)
+        for name, what, value in assigned:
+            setattr(fresh[name], what, value)
+        other = wbc.Controller(QUADRUPED, stack_of(fresh, [also]), level=level)
+        other.tick(1e-3 * k, q, v)
+        for what in ("H", "g", "A", "b", "C", "cl", "cu", "lb", "ub"):
+            mine, expected = (getattr(one.plan.qp, what) for one in (controller, other))
+            np.testing.assert_allclose(mine, expected, rtol=1e-9, atol=1e-9, err_msg=what)
+
+
+def test_a_target_that_raises_when_it_is_asked_for_fails_every_tick_until_there_is_another() -> None:
+    made = members()
+    controller = wbc.Controller(QUADRUPED, stack_of(made, []), level=wbc.InverseDynamics())
+    q, v = QUADRUPED.q0, np.zeros(QUADRUPED.nv)
+    assert controller.tick(0.0, q, v).status.ok
+    made["centre"].target = late
+    for k in (1, 2, 3):
+        assert not controller.tick(1e-3 * k, q, v).status.ok
+        assert "the plan is late" in controller.why
+    made["posture"].weight = 0.2
+    assert not controller.tick(4e-3, q, v).status.ok
+    made["centre"].target = CENTRE
+    assert controller.tick(5e-3, q, v).status.ok
