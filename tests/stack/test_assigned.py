@@ -50,7 +50,7 @@ NUMBERS, BY_JOINT = [0.0, 0.25, 3.0, 40.0], [{".*": 2.0}, np.linspace(0.0, 9.0, 
 PLACES = [CENTRE, CENTRE + 0.1, Sinusoid(CENTRE, amplitude=0.1, frequency=1.0), lambda t: CENTRE + t]
 #: Names of members, a setting that they have, and values for it.
 SETTINGS: list[tuple[list[str], str, list[Any]]] = [
-    (["centre", "posture", "held", "watched", *FEET[1:]], "kp", NUMBERS),
+    (["centre", "posture", "held", *FEET[1:]], "kp", NUMBERS),
     (["centre", "posture", "held", "watched", *FEET[1:]], "kd", NUMBERS),
     (["centre", "posture", "other", "force", "speeds"], "weight", NUMBERS),
     (["posture", "other"], "weight", BY_JOINT),
