@@ -15,7 +15,7 @@ from wbc.stack.constraint import TorqueBySpeed
 from wbc.stack.contact import Contact, keys
 from wbc.stack.interval import JointIntervals, refuse_bounds
 from wbc.stack.level import Level
-from wbc.stack.member import Binding
+from wbc.stack.member import Binding, Tried
 from wbc.stack.overrides import QUANTITIES, Actuators, Motor, Overrides
 from wbc.tolerances import ROUNDING
 from wbc.types import Mat, Vec, read_only
@@ -74,11 +74,14 @@ class Applied:
         """
         if len(said) == len(self.said) and all(one[1] is two[1] for one, two in zip(said, self.said, strict=True)):
             return
+        self._binding.refresh()
         motors: dict[int, Motor] = {}
         settings: Mapping[str, Mapping[str, Any]] = {}
+        tried: Tried = []
         for name, overrides in said:
             motors |= self._checked_motors(name, overrides)
-            settings = self._checked_settings(name, settings, overrides)
+            if overrides.tasks:
+                settings, tried = self._tried_settings(name, settings, overrides)
         share, offset = np.ones(self._model.nj), np.zeros(self._model.nj)
         for joint, motor in motors.items():
             share[joint], offset[joint] = motor
@@ -89,7 +92,7 @@ class Applied:
         bias, inertia = self._added(said)
         # Nothing is refused any more.
         self.said, self._made_of = said, made_of
-        self._binding.override(settings)
+        self._binding.override(settings, tried)
         for now, new in zip(self._torque, bounds.pop("torque", self._torque), strict=True):
             now[:] = new
         for quantity, pair in bounds.items():
@@ -144,6 +147,8 @@ class Applied:
 
     def _overridden(self, quantity: str, low: Vec, high: Vec, said: Said) -> _Bounds:
         """The stack's own bounds where none is lifted, narrowed."""
+        if not any(overrides.lifted or getattr(overrides, quantity) is not None for _, overrides in said):
+            return low, high
         low, high = low.copy(), high.copy()
         for name, overrides in said:
             lifted = self._lifted(name, quantity, overrides)
@@ -201,19 +206,15 @@ class Applied:
                     f"{names}.inertia: M + inertia has the eigenvalue {values[0]:.3g}; an inertia has none below 0"
                 ) from None
 
-    def _checked_settings(
+    def _tried_settings(
         self, name: str, before: Mapping[str, Mapping[str, Any]], overrides: Overrides
-    ) -> Mapping[str, Mapping[str, Any]]:
-        settings = overrides.tasks
-        if not settings:
-            return before
+    ) -> tuple[Mapping[str, Mapping[str, Any]], Tried]:
+        """Settings of members, also those of components ``before``, and what they change."""
+        settings = {**before, **{task: {**before.get(task, {}), **said} for task, said in overrides.tasks.items()}}
         try:
-            self._binding.check(settings)
+            return settings, self._binding.tried(settings)
         except Exception as cause:  # a target function is a user's, and is called here
             raise InvalidInput(f"{name}.tasks: {type(cause).__name__}: {cause}") from cause
-        if not before:
-            return settings
-        return {**before, **{task: {**before.get(task, {}), **values} for task, values in settings.items()}}
 
     def _normals(self, said: Said) -> _Bounds:
         limits, floors = np.full_like(self._limits, np.inf), np.full_like(self._floors, -np.inf)

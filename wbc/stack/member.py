@@ -250,6 +250,10 @@ class _Tie:
         return not base.keys() <= _FOLLOWED
 
 
+#: Copies, and the attributes of each that change.
+Tried = list[tuple[_Tie, dict[str, Any]]]
+
+
 @final
 class Binding:
     """The copies of a stack's members that the plans of one controller share.
@@ -325,7 +329,8 @@ class Binding:
         if self.is_behind:
             self.is_behind = False  # first: another thread may assign meanwhile
             self.assigned += 1
-            self._update(self._settings)
+            self._assign()
+            self._put(self._settings, self.tried(self._settings))
 
     def given(self, own: Any) -> Any:
         """A copy of one of the copies as users set it, without what is overridden."""
@@ -340,21 +345,14 @@ class Binding:
                 if isinstance(value, Target):
                     yield value
 
-    def override(self, settings: Mapping[str, Mapping[str, Any]]) -> None:
-        """In force are, of the members of these names, ``settings``; of all others what users assigned.
+    def override(self, settings: Mapping[str, Mapping[str, Any]], tried: Tried) -> None:
+        """In force are, of the members of these names, ``settings``, which were ``tried`` since the last ``refresh``;
+        of all others what users assigned."""
+        if settings or self._settings:
+            self.version += 1
+            self._put(settings, tried)
 
-        Raises:
-            WbcError: no task of this name, or a value that it refuses; nothing has changed then.
-        """
-        if settings is self._settings or not (settings or self._settings):
-            return
-        self._update(settings)
-
-    def check(self, settings: Mapping[str, Mapping[str, Any]]) -> None:
-        """Refuse what :meth:`override` would refuse."""
-        list(self._tried(settings))
-
-    def _update(self, settings: Mapping[str, Mapping[str, Any]]) -> None:
+    def _assign(self) -> None:
         self.version += 1
         for tie in self._ties.values():
             if tie.assigned:
@@ -371,18 +369,24 @@ class Binding:
                     raise MemberFailed(f"{tie.own.name}.{name}", cause) from cause
                 finally:
                     tie.own.__dict__["_role"] = _Role.CLOSED
-        found = list(self._tried(settings))
+
+    def _put(self, settings: Mapping[str, Mapping[str, Any]], tried: Tried) -> None:
         for tie in self._ties.values():
             if tie.base is not None:
                 self._change(tie, tie.restore())
-        for tie, changed in found:
+        for tie, changed in tried:
             self._change(tie, not changed.keys() <= _FOLLOWED)
             tie.base = {name: tie.own.__dict__.get(name, getattr(type(tie.own), name, None)) for name in changed}
             tie.own.__dict__.update(changed)
         self._settings = settings
 
-    def _tried(self, settings: Mapping[str, Mapping[str, Any]]) -> Iterator[tuple[_Tie, dict[str, Any]]]:
-        """Of each member named, which attributes of its copy change to what."""
+    def tried(self, settings: Mapping[str, Mapping[str, Any]]) -> Tried:
+        """Of each member named, which attributes of its copy change to what.
+
+        Raises:
+            WbcError: no task of this name, or a value that it refuses.
+        """
+        found: Tried = []
         for name, values in settings.items():
             tie = next((tie for tie in self._ties.values() if tie.own.name == name), None)
             if tie is None:
@@ -397,7 +401,8 @@ class Binding:
                     raise UnknownSetting(what, known, owner=name)
                 setattr(trial, what, value)
             nothing = object()
-            yield tie, {n: x for n, x in trial.__dict__.items() if before.get(n, nothing) is not x}
+            found.append((tie, {n: x for n, x in trial.__dict__.items() if before.get(n, nothing) is not x}))
+        return found
 
 
 def _holds(value: Any) -> bool:
