@@ -17,6 +17,7 @@ from tasks import (
     FrozenJoints,
     GravityCompensation,
     HalfSpaceLimit,
+    JointCoupling,
     JointImpedance,
     Posture,
     Yaw,
@@ -33,6 +34,7 @@ from wbc.testing.levels import LEVELS
 
 ROBOTS = {name: wbc.load(name) for name in ("arm", "humanoid", "quadruped")}
 UP = (0.0, 0.0, 1.0)
+COUPLED = JointCoupling(ROBOTS["humanoid"].joint_names[0], to={ROBOTS["humanoid"].joint_names[1]: -2.0})
 
 #: Members that Python writes in every tick, and why.
 CALLED = {
@@ -131,8 +133,14 @@ def test_a_stack_of_library_members_calls_no_python_between_pinocchio_and_the_co
         lambda robot: Stack([Posture(robot.q0), FrameVelocityLimits("head", linear=0.1, slack=None).softly()]),
         lambda robot: Stack([Posture(robot.q0)], contacts=[FrozenJoints([robot.joint_names[0]]).with_reaction()]),
         lambda robot: Stack([Posture(robot.q0)], contacts=[Yaw("head", target=0.1).with_reaction()]),
+        lambda robot: Stack([Posture(robot.q0)], subject_to=[Yaw("head", target=lambda t: t).within(0.2)]),
+        lambda robot: Stack([Posture(robot.q0)], subject_to=[Posture(robot.q0).within(-np.inf, 0.5, slack=10.0)]),
+        lambda robot: Stack([Posture(robot.q0), COUPLED.within(0.1, name="close").softly(weight=2.0)]),
     ],
-    ids=["equality", "linear equality", "hard limit", "soft limit", "brake", "reaction"],
+    ids=[
+        "equality", "linear equality", "hard limit", "soft limit", "brake", "reaction", "interval", "joint interval",
+        "soft interval",
+    ],
 )  # fmt: skip
 def test_what_is_made_of_a_task_is_compiled_as_the_task_is(make: Any, monkeypatch: Any):
     robot = ROBOTS["humanoid"]

@@ -26,7 +26,7 @@ from wbc.stack.contact import Anchor
 from wbc.stack.interval import JointIntervals
 from wbc.stack.kernel_rows import KernelRows
 from wbc.stack.motion import MotionRows
-from wbc.stack.task import Exactly, LinearRows, LinearTask, TaskRows
+from wbc.stack.task import Exactly, LinearRows, LinearTask, TaskRows, Within
 from wbc.types import Index, Mat, Vec
 
 _NONE = slice(0, 0)
@@ -48,8 +48,9 @@ class Block(ABC):
     A: Mat | None = None
     #: Where a contact is held.
     anchor: Anchor | None = None
-    #: Address of what :func:`wbc.stack.compiled.finish_kernel.finish` reads; 0 for rows that gains complete.
-    finishing = 0
+    #: Addresses of what :func:`wbc.stack.compiled.finish_kernel.pick` and ``finish`` read: 0 for rows that are no
+    #: interval of a task, and for rows that gains complete.
+    picking = finishing = 0
     weights: Vec
     #: Where a task or contact stands among the plan's motion rows.
     motion: slice
@@ -194,6 +195,13 @@ class RowBlock(Block):
             problem.scale, self._numbers,
         )  # fmt: skip
         self.finishing = self._memory.address
+        self._drift = drift
+        if isinstance(self.says, Within):
+            self.into, row, sign, bound = self.says.picked()
+            task, sizes = self.into, np.array([dim, *self.into.J.shape, problem.n + 1], dtype=np.int64)
+            of_task = task.e, task.drift, task.rate_ref, task.acc_ref, task.J
+            self._picked = Memory(sizes, row, sign, bound, *of_task, b, drift, rate, G)
+            self.picking = self._picked.address
 
     def kernel_rows(self) -> KernelRows:
         self._read()
@@ -201,7 +209,7 @@ class RowBlock(Block):
 
     def fill(self, state: RobotState) -> None:
         self._read()
-        self.into.drift[:] = self._poison
+        self._drift[:] = self._poison
         super().fill(state)
         if isinstance(self.says, LinearConstraint):
             refuse_crossed(self.name, self.out.lo, self.out.hi)

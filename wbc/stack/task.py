@@ -208,6 +208,14 @@ class Within(Barrier):
         out.rate[:] = sign * rows.rate_ref[row]
         out.drift[:] = sign * (rows.acc_ref - rows.drift)[row]
 
+    def kernel_rows(self) -> KernelRows | None:
+        """Those of the task, where it has some."""
+        return kernel_rows_of(self.task)
+
+    def picked(self) -> tuple[TaskRows, Index, Vec, Vec]:
+        """What the task writes, and of each row of the barrier (dim,) its row i there, and s and b of h = s eᵢ + b."""
+        return self._out, self._row, self._sign, self._bound
+
     def label(self, row: int) -> str:
         """The row of the task, and which bound it is."""
         return f"{self.task.label(int(self._row[row]))} {'>=' if self._sign[row] > 0 else '<='}".strip()

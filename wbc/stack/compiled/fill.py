@@ -120,5 +120,5 @@ class CompiledFill:
     def _table(self, items: list[tuple[Block, Item]], known: list[list[int]]) -> Memory:
         """What :func:`~wbc.stack.compiled.finish_kernel.write_all` reads."""
         sizes = np.array([len(items), len(known)], dtype=np.int64)
-        addresses = [[item.memory.address, block.finishing] for block, item in items]
+        addresses = [[item.memory.address, block.picking, block.finishing] for block, item in items]
         return Memory(sizes, np.array(known, dtype=np.int64), self._now, np.array(addresses, dtype=np.int64))

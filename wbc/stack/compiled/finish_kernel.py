@@ -67,18 +67,42 @@ def finish(at: int, v_at: int) -> None:
 
 
 @part
+def pick(at: int) -> None:
+    """Rows of a barrier h = s e + bound, ḣ = s (ẏ_ref − J v), of the error e of a task.
+
+    At ``at``: sizes (rows, rows of the task, nv, columns of G); of each row which one of the task it is, s, and bound;
+    e, drift, rate and acceleration of the target, and J of the task; h, its drift, ∂h/∂t; the rows of G.
+    """
+    m = carray(integers(at), 13)
+    sizes = carray(integers(m[0]), 4)
+    dim, of_task, nv, columns = sizes[0], sizes[1], sizes[2], sizes[3]
+    picked, sign, bound = carray(integers(m[1]), dim), carray(floats(m[2]), dim), carray(floats(m[3]), dim)
+    e, own_drift = carray(floats(m[4]), of_task), carray(floats(m[5]), of_task)
+    rate_ref, acc_ref = carray(floats(m[6]), of_task), carray(floats(m[7]), of_task)
+    J, h, drift = carray(floats(m[8]), (of_task, nv)), carray(floats(m[9]), dim), carray(floats(m[10]), dim)
+    rate, G = carray(floats(m[11]), dim), carray(floats(m[12]), (dim, columns))
+    for r in range(dim):
+        i, s = picked[r], sign[r]
+        h[r], rate[r], drift[r] = s * e[i] + bound[r], s * rate_ref[i], s * (acc_ref[i] - own_drift[i])
+        for c in range(nv):
+            G[r, c] = -s * J[i, c]
+
+
+@part
 def write_all(at: int, v_at: int) -> None:
     """Evaluate what targets follow, and write the rows of each member; errors of one whose kernel failed are NaN.
 
     At ``at``: sizes (members, targets that are known motions), these, the time, and of each member where its memory is,
-    and where that of :func:`finish` is, 0 for a task.
+    and where those of :func:`pick` and :func:`finish` are, 0 where these have nothing to do.
     """
     m = carray(integers(at), 4)
     sizes = carray(integers(m[0]), 2)
     refer(carray(integers(m[1]), (sizes[1], 6)), carray(floats(m[2]), 1)[0])
-    items = carray(integers(m[3]), (sizes[0], 2))
+    items = carray(integers(m[3]), (sizes[0], 3))
     for k in range(len(items)):
         if write(items[k, 0]) == 0:
             rows(items[k, 0]).e[:] = nan
         if items[k, 1] > 0:
-            finish(items[k, 1], v_at)
+            pick(items[k, 1])
+        if items[k, 2] > 0:
+            finish(items[k, 2], v_at)
