@@ -70,7 +70,7 @@ def active(controller: Solving) -> list[Active]:
         up = pushes_down if lower[i] == upper[i] else bool(upper[i] - value[i] < value[i] - lower[i])
         unknown = i - len(z)
         row = p.rows[p.range.start + i] if unknown < 0 else p.rows[p.n_rows + unknown]
-        if i < plan.layout.n_range or 0 <= unknown < plan.problem.n:
+        if i < plan.layout.n_range or 0 <= unknown < controller.answering.shared:
             place = i if unknown < 0 else plan.layout.n_range + unknown
             row = plan.bounded_row(place, controller.state, upper=up)
         bound = float(upper[i] if up else lower[i])
@@ -129,7 +129,7 @@ def _bounded(controller: Solving) -> tuple[Vec, Vec, Vec]:
     """
     p, source = controller.answering.answered, controller.plan.problem
     value = np.concatenate([p.value[p.item(p.range.start) : p.item(p.range.stop)], p.x * p.scale])
-    low, high = source.range_bounds()
-    lower = np.concatenate([low, source.lb * source.scale, p.lb[source.n :]])
-    upper = np.concatenate([high, source.ub * source.scale, p.ub[source.n :]])
+    (low, high), shared = source.range_bounds(), controller.answering.shared
+    lower = np.concatenate([low, (source.lb * source.scale)[:shared], p.lb[shared:]])
+    upper = np.concatenate([high, (source.ub * source.scale)[:shared], p.ub[shared:]])
     return value, lower, upper

@@ -222,7 +222,7 @@ class FallbackSequence:
         if mode.second is None:
             name = "clarabel" if controller.solver.takes_rows else "pdas"
             plan = mode.plan
-            mode.second = controller.hierarchy.open(plan.problem, by_name(name), plan.damping.pulls)
+            mode.second = plan.opened(controller.hierarchy, by_name(name))
         answer = controller.solve_with(mode.second)
         return status if answer is Status.FAILED else answer
 

@@ -43,16 +43,25 @@ class Hierarchy(metaclass=TellsArguments):
     def ranks(self, levels: Sequence[Sequence[RowTask]]) -> list[Rank]:
         """How the levels of a problem are decided, one above the other."""
 
-    def open(self, problem: RowProblem, solver: Solver, pulls: Sequence[Pull | None] = ()) -> RowSolver:
-        """The solver of one plan; ``pulls`` says what damps each stage."""
-        stages = [stage for rank in self.ranks(problem.levels) for stage in rank.stages]
+    def open(
+        self, problem: RowProblem, solver: Solver, pulls: Sequence[Pull | None] = (), *, may_break: bool = False
+    ) -> RowSolver:
+        """The solver of one plan; ``pulls`` says what damps each stage.
+
+        ``may_break``: the first level is about the last unknowns, the slacks of constraints.
+        """
+        ranks = self.ranks(problem.levels)
+        stages = [stage for rank in ranks for stage in rank.stages]
         weighted = open_rows(problem, solver)
         if len(stages) < 2:
             return weighted
         # Who ranks nothing need not wait for the kernels.
         from wbc.qp.lexicographic.solver import LexicographicSolver
+        from wbc.qp.lexicographic.unbroken import UnbrokenSolver
 
         most = 3 * len(stages) + 1 if self.budget is None else self.budget
+        if may_break and ranks[0].tasks == [*problem.levels[0]]:
+            return UnbrokenSolver(problem, stages, budget=most, leave=weighted, pulls=pulls)
         return LexicographicSolver(problem, stages, budget=most, leave=weighted, pulls=pulls)
 
 

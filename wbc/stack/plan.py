@@ -18,6 +18,7 @@ from wbc.models.model import RobotModel, RobotState
 from wbc.qp.conflict import conflict
 from wbc.qp.problem import QP
 from wbc.qp.rows import RowProblem, RowSolver
+from wbc.qp.solver import Solver
 from wbc.stack.applied import Applied
 from wbc.stack.block import Block, MotionBlock
 from wbc.stack.compiled import fill_kernel
@@ -171,6 +172,10 @@ class Plan(Filled):
         self._call = np.zeros(fill_kernel.NUMBER, dtype=np.int64)
         self._call[[fill_kernel.SHARES, fill_kernel.DAMPINGS]] = self._shares.address, self.damping.address
         self._called = Memory(self._call).addresses.item()
+
+    def opened(self, hierarchy: Hierarchy, solver: Solver) -> RowSolver:
+        """A solver of the plan's problem."""
+        return hierarchy.open(self.problem, solver, self.damping.pulls, may_break=bool(self.layout.slack))
 
     def answered_by(self, solver: RowSolver) -> None:
         """The solver whose code :meth:`answer` calls."""

@@ -110,7 +110,7 @@ class Plans:
             self._modes[names] = self._mode(plan, whole)
 
     def _mode(self, plan: Plan, whole: Plan) -> Mode:
-        return Mode(plan, self._hierarchy.open(plan.problem, self._solver, plan.damping.pulls), whole)
+        return Mode(plan, plan.opened(self._hierarchy, self._solver), whole)
 
     def choose(self, names: Iterable[str], state: RobotState) -> Mode:
         """The mode of a set of contacts; the present one, and a note, where it is not compiled.

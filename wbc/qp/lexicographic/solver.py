@@ -39,7 +39,8 @@ from wbc.types import Index, Status, Vec
 class LexicographicSolver(RowSolver):
     """A row problem whose tasks are ranked. ``budget`` QPs a tick; ``leave`` solves the weighted sum instead.
 
-    ``pulls`` says of each stage what damps it (None: nothing); one that is damped is decided by itself.
+    ``pulls`` says of each stage what damps it (None: nothing); one that is damped is decided by itself. The last
+    ``without`` unknowns of the source are zero, and no stage is about them.
 
     Every stage is solved and certified from the rows, whichever solver the weighted sum is left to: the core solves the
     last one, all others equations, and :mod:`wbc.qp.lexicographic.compiled.rank` each in the space that is left.
@@ -50,10 +51,10 @@ class LexicographicSolver(RowSolver):
 
     def __init__(
         self, source: RowProblem, stages: Sequence[Stage], *, budget: int, leave: RowSolver | None = None,
-        pulls: Sequence[Pull | None] = (),
+        pulls: Sequence[Pull | None] = (), without: int = 0,
     ) -> None:  # fmt: skip
         super().__init__(source)
-        self.staged = StagedProblem(source, stages)
+        self.staged = StagedProblem(source, stages, without)
         self._core = CoreSolver(self.staged.problem)
         self.counts = self._core.counts
         self.kernel = place_of(hoped), self.staged.address
@@ -147,7 +148,7 @@ class LexicographicSolver(RowSolver):
             self.began = self.ended = last
             status = self._core.concluded(code)
             self.iterations = self._core.iterations
-            if status.ok or self.budget == 1:
+            if status.ok or self.budget == 1 or last == 0:
                 return status
             self._one_by_one, work[Count.QPS], work[Count.WORK] = True, 1, self.iterations
         work[Count.START], work[Count.BUDGET], work[Count.ALL] = min(first, last - 1), self.budget, 0
@@ -178,7 +179,29 @@ class LexicographicSolver(RowSolver):
         self.shortfall = WEIGHTED if status.ok else ""
         return Status.MAX_ITERATIONS if status.ok else status
 
+    def wait(self, waits: bool) -> None:
+        """Whether :func:`hoped` leaves the next answer to whoever calls :meth:`solve` of another solver."""
+        self.staged.links[HOPE] = -1 if waits else self._last
+
+    def count_with(self, other: RowSolver) -> None:
+        """Count solves where another solver does."""
+        self.counts = self._core.counts = other.counts
+
     # ---- what others read
+    @property
+    def is_spent(self) -> bool:
+        """Whether the budget ended the last answer that was decided one by one."""
+        return bool(self._work.item(Count.QPS) >= self.budget)
+
+    @property
+    def first_is_met(self) -> bool:
+        """Whether nothing was left of the first stage in the last answer."""
+        return bool(self._report.item(2) == IS_MET)
+
+    @property
+    def shared(self) -> int:
+        return self.problem.n if self._weighed else self.staged.kept
+
     def _not_ranked(self) -> tuple[Outcome, ...]:
         names = (tuple(str(part) for part in stage) for stage in self.staged.stages)
         return tuple(Outcome(each, WEIGHTED, np.nan, Certificate.none()) for each in names)
@@ -224,10 +247,16 @@ class LexicographicSolver(RowSolver):
             side = np.where(p.upper[items] - p.value[items] <= p.value[items] - p.lower[items], 1.0, -1.0)
         else:
             items, side = self._core.working_set()
-        return np.where(items < self.problem.n, items, items - self._more), side
+        kept = self.staged.kept
+        known = (items < kept) | (items >= self.staged.problem.n)
+        items, side = items[known], side[known]
+        return np.where(items < kept, items, items - self._more), side
 
     def guess(self, items: Index, side: Vec) -> None:
-        items = np.where(items < self.problem.n, items, items + self._more)
+        kept = self.staged.kept
+        known = (items < kept) | (items >= self.problem.n)
+        items, side = items[known], side[known]
+        items = np.where(items < kept, items, items + self._more)
         self._core.guess(items, side)
         found = dict(zip(items.tolist(), side.tolist(), strict=True))
         self._sides[:] = [found.get(item, 0.0) for item in self._places.tolist()]

@@ -37,21 +37,22 @@ class StagedProblem:
     """A row problem whose rows stand in order of rank; compiled code brings it up to date with its source.
 
     ``problem`` is the last stage's: all stages above are equations of it. ``rows[k]`` is where stage k stands in its G,
-    ``parts[k]`` where each task stands within that. ``links`` leads to the memory of the levels and of the core;
-    ``address`` is that of all this (:mod:`wbc.qp.lexicographic.compiled.stage`).
+    ``parts[k]`` where each task stands within that. Of the unknowns of the source it has the first ``kept``; the last
+    ``without`` are zero. ``links`` leads to the memory of the levels and of the core; ``address`` is that of all this
+    (:mod:`wbc.qp.lexicographic.compiled.stage`).
     """
 
-    def __init__(self, source: RowProblem, stages: Sequence[Stage]) -> None:
-        self.source, self.stages = source, stages
+    def __init__(self, source: RowProblem, stages: Sequence[Stage], without: int = 0) -> None:
+        self.source, self.stages, self.kept = source, stages, source.n - without
         scaled = list({id(part.task): part.task for stage in stages for part in stage if part.kind != "whole"}.values())
-        self._shares = {id(task): source.n + i for i, task in enumerate(scaled)}
+        self._shares = {id(task): self.kept + i for i, task in enumerate(scaled)}
         upper = list(stages[:-1])
         # The unknowns that the last stage pulls on are in its metric and need no rows.
         last = [part for part in stages[-1] if part.kind == "whole" and part.task.rows is not None]
         every = [*upper, last]
         sizes = [sum(_size(part) for part in stage) for stage in every]
         self.problem = p = RowProblem(
-            source.n_u, source.n_y + len(scaled), n_range=source.n_range, n_soft=sizes[-1],
+            source.n_u, self.kept - source.n_u + len(scaled), n_range=source.n_range, n_soft=sizes[-1],
             n_equal=sum(sizes[:-1]) + source.n_equal, rows=self._names([last, *reversed(upper)], scaled),
             regularisation=source.regularisation,
         )  # fmt: skip
@@ -81,7 +82,8 @@ class StagedProblem:
                     first = source.n_rows + task.unknowns.start
                     found += [row._replace(owner=task.name) for row in names[first : first + task.dim]]
         first, last = names[: source.soft.start], names[source.equal.start : source.n_rows]
-        return [*first, *found, *last, *names[source.n_rows :], *(Row(task.name, GIVEN_UP) for task in scaled)]
+        unknowns = names[source.n_rows :][: self.kept]
+        return [*first, *found, *last, *unknowns, *(Row(task.name, GIVEN_UP) for task in scaled)]
 
     def _place(self, stages: Sequence[Stage], scaled: Sequence[RowTask]) -> None:
         """Where each row comes from: a row of the source, an unknown, or what a task asks that is done in part."""
@@ -99,10 +101,10 @@ class StagedProblem:
             for part in stage:
                 task, at = part.task, slice(row, row + _size(part))
                 row = at.stop
-                of = divided[self._shares[id(task)] - source.n] if part.kind != "whole" else None
+                of = divided[self._shares[id(task)] - self.kept] if part.kind != "whole" else None
                 if part.kind == "share":
                     assert of is not None
-                    of[-1], weight[at.start] = at.start, address_of(share[self._shares[id(task)] - source.n :])
+                    of[-1], weight[at.start] = at.start, address_of(share[self._shares[id(task)] - self.kept :])
                     continue
                 if of is not None:
                     of[0] = at.start
@@ -114,7 +116,7 @@ class StagedProblem:
                     wanted = address_of(task.wanted) + 8 * np.arange(task.dim)
                     pulls += zip(range(at.start, at.stop), range(source.n)[task.unknowns], wanted.tolist(), strict=True)
         self.links = np.zeros(4, dtype=np.int64)
-        sizes = [source.n, source.n_y, source.n_rows, p.n_rows, len(pulls), len(divided)]
+        sizes = [source.n, source.n_y, source.n_rows, p.n_rows, len(pulls), len(divided), source.n - self.kept]
         self._share = share
         self._memory = Memory(*LAYOUT.arrays(
             np.array(sizes, dtype=np.int64), G=source.G, value=source.value, lower=source.lower, upper=source.upper,
@@ -134,7 +136,7 @@ class StagedProblem:
         for part in self.stages[-1]:
             if part.kind == "share":
                 column = self._shares[id(part.task)]
-                zero, weight = np.zeros(1), self._share[column - self.source.n :][:1]
+                zero, weight = np.zeros(1), self._share[column - self.kept :][:1]
                 found.append(RowTask(str(part), None, slice(column, column + 1), weight, zero, zero))
             elif part.task.rows is None:
                 found.append(part.task)

@@ -98,6 +98,11 @@ class RowSolver(ABC):
         """The problem that :meth:`answer` and :meth:`multipliers` are about: for most, the one they were opened for."""
         return self.problem
 
+    @property
+    def shared(self) -> int:
+        """How many unknowns of :attr:`answered`, its first ones, are those of the problem it was opened for."""
+        return self.problem.n
+
     @final
     def standard_form(self) -> QP:
         """The standard form of :attr:`answered`, in memory of its own."""

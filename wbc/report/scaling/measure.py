@@ -34,7 +34,9 @@ class InStandardForm(Hierarchy):
     def ranks(self, levels: Sequence[Sequence[RowTask]]) -> list[Rank]:
         return Weighted().ranks(levels)
 
-    def open(self, problem: RowProblem, solver: Solver, pulls: Sequence[Pull | None] = ()) -> RowSolver:
+    def open(
+        self, problem: RowProblem, solver: Solver, pulls: Sequence[Pull | None] = (), *, may_break: bool = False
+    ) -> RowSolver:
         return StandardSolver(problem, solver)
 
 

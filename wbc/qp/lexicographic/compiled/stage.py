@@ -30,11 +30,12 @@ class Stages(NamedTuple):
     parts: Annotated[Index, "sizes[5], 7"]  # see below
     share: Annotated[Vec, "sizes[5]"]  # what the share of each part weighs
     links: Annotated[Index, "4"]  # see below
-    sizes: Annotated[Index, "6"]  # unknowns of the source, those in y, its rows, rows here, pulls and parts
+    sizes: Annotated[Index, "7"]  # unknowns of the source, those in y, its rows, rows here, pulls, parts; see below
 
 
 LAYOUT = Layout(Stages, few="sizes[0]", source_y="sizes[1]", source_rows="sizes[2]", rows="sizes[3]")
-#: In a kernel: the arrays at an address.
+#: In a kernel: the arrays at an address. The last of ``sizes`` says how many unknowns of the source, its last ones, are
+#: zero here.
 stages = LAYOUT.views
 
 #: What is done in part: its first row of direction, or −1, how many there are, the unknown that says what is given up,
@@ -107,19 +108,20 @@ def fill(at: int) -> int:
     s = stages(at)
     p = views(s.links[CORE_AT])
     n, few, first_soft = len(p.scale), len(s.scale), p.sizes[0] + p.sizes[2]
+    kept, metric = few - s.sizes[6], len(s.metric) - s.sizes[6]
     for i in range(len(s.row)):
         clear(p.G[i])
         source = s.row[i]
         if source >= 0:
-            copy(s.G[source], p.G[i, :few])
+            copy(s.G[source], p.G[i, :kept])
             p.G[i, n] = s.G[source, few]
-    copy(s.scale, p.scale[:few])
-    copy(s.lower, p.lower[:few])
-    copy(s.upper, p.upper[:few])
+    copy(s.scale, p.scale[:kept])
+    copy(s.lower, p.lower[:kept])
+    copy(s.upper, p.upper[:kept])
     copy(s.lower[few + 1 :], p.lower[n + 1 : n + 1 + first_soft])
     copy(s.upper[few + 1 :], p.upper[n + 1 : n + 1 + first_soft])
-    copy(s.metric, p.metric[: len(s.metric)])
-    copy(s.centre, p.centre[: len(s.metric)])
+    copy(s.metric, p.metric[:metric])
+    copy(s.centre, p.centre[:metric])
     for i in range(len(s.pulls)):  # their rows say what they are worth; scaled by it they would be stiffer than others
         row, c = s.pulls[i, 0], s.pulls[i, 1]
         p.scale[c] = 1.0
@@ -144,7 +146,9 @@ def conclude(at: int) -> None:
     s = stages(at)
     p, r = views(s.links[CORE_AT]), ranking(s.links[LEVELS_AT])
     n, few = len(p.scale), len(s.scale)
-    copy(p.value, s.value[:few])
+    kept = few - s.sizes[6]
+    copy(p.value, s.value[:kept])
+    clear(s.value[kept:few])
     for i in range(len(s.pulls)):
         s.value[s.pulls[i, 1]] /= s.scale[s.pulls[i, 1]]
     for i in range(len(s.G)):
