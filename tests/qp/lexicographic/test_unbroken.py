@@ -26,7 +26,8 @@ def controller(
 ) -> wbc.Controller:
     """A hand that shall be above a floor, which other limits may not allow, and is wanted somewhere below its reach."""
     ranked: list[list[Any]] = [
-        [Position("left_hand", target=HAND + np.array([reach, 0.0, -0.1]), kp=50.0)], [CenterOfMass(target=HUMANOID.state().com)],
+        [Position("left_hand", target=HAND + np.array([reach, 0.0, -0.1]), kp=50.0)],
+        [CenterOfMass(target=HUMANOID.state().com)],
         [Posture(HUMANOID.q0, kp=10.0)],
     ]  # fmt: skip
     ranked = ranked[-levels:]
