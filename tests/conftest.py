@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 
 # Before numpy is imported: on few cores the threads of a BLAS only wait for one another.
@@ -47,6 +48,13 @@ def pytest_configure(config: pytest.Config) -> None:
     """Hypothesis draws from the seed of the week, unless ``--hypothesis-seed`` names another one."""
     if config.getoption("--hypothesis-seed", None) is None:
         config.option.hypothesis_seed = str(SEED)
+    gc.disable()  # what collection makes, stays: a third of its time would go into looking for garbage there
+
+
+def pytest_collection_finish() -> None:
+    """Tests are collected: none of it is looked through for garbage while they run."""
+    gc.freeze()
+    gc.enable()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -7,6 +7,7 @@ import pickle
 import re
 import subprocess
 import sys
+from functools import cache
 
 import numpy as np
 import pinocchio as pin
@@ -20,10 +21,16 @@ from wbc.errors import InvalidInput, NotSupported
 from wbc.models import Chain
 from wbc.models.lagrange import derive
 from wbc.models.lagrange.equations import canonical
+from wbc.models.lagrange.robot import DerivedRobot
 
 chains = pytest.mark.parametrize("word", CHAINS)
-ROBOTS = {word: derive(word).robot(some_parameters(Chain.parse(word))) for word in CHAINS}
 seeds = st.integers(0, 2**32 - 1)
+
+
+@cache
+def robot_of(word: str) -> DerivedRobot:
+    """A robot of this chain."""
+    return derive(word).robot(some_parameters(Chain.parse(word)))
 
 
 def moment(n: int, seed: int, count: int = 2) -> list[np.ndarray]:
@@ -106,7 +113,7 @@ def test_the_forces_are_linear_in_the_coefficients(word: str):
 def test_no_parametrisation_is_smaller(word: str):
     """Property 32. Stacked over random motions the regressor has full rank, so every column is needed; and the
     coefficients are independent functions of the parameters, so they can take any values."""
-    d, robot = derive(word), ROBOTS[word]
+    d, robot = derive(word), robot_of(word)
     rng = np.random.default_rng(1)
     n, p = len(d.q), len(d.coefficients)
     stacked = np.vstack([robot.regressor(*rng.normal(size=(4, n))) for _ in range(10 * p)])
@@ -157,15 +164,15 @@ def test_where_there_is_no_cartesian_inertia_one_is_told():
     with pytest.raises(NotSupported, match="fills pages"):
         _ = derive("RRR").cartesian_inertia
     with pytest.raises(InvalidInput, match="cannot move in two directions"):
-        ROBOTS["RR"].cartesian_inertia([0.3, 0.0])
-    assert ROBOTS["RRR"].cartesian_inertia([0.3, 0.4, 0.5]).shape == (2, 2)
+        robot_of("RR").cartesian_inertia([0.3, 0.0])
+    assert robot_of("RRR").cartesian_inertia([0.3, 0.4, 0.5]).shape == (2, 2)
 
 
 # ---- in numbers
 @chains
 @given(seed=seeds)
 def test_the_forces_are_those_of_recursive_newton_euler(word: str, seed: int):
-    robot = ROBOTS[word]
+    robot = robot_of(word)
     model = in_pinocchio(robot.chain, robot.parameters, robot.g0)
     data, (q, v, a) = model.createData(), moment(robot.nv, seed, 3)
     forces = pin.rnea(model, data, q, v, a)
@@ -180,7 +187,7 @@ def test_the_forces_are_those_of_recursive_newton_euler(word: str, seed: int):
 
 
 def test_a_copy_computes_the_same():
-    robot = ROBOTS["RPyR"]
+    robot = robot_of("RPyR")
     q, v = moment(3, 5)
     assert np.array_equal(pickle.loads(pickle.dumps(robot)).M(q), robot.M(q))
     moved = robot.replace(q0=q)
