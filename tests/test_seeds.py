@@ -65,9 +65,8 @@ def test_a_seed_repeats_the_examples_and_another_one_draws_others(tmp_path: Path
     assert "WBC_TEST_SEED=202607" in text and "@reproduce_failure" in text
     assert drawn(tmp_path, WBC_TEST_SEED="202607", CI="true") == (first, ANY)
     assert drawn(tmp_path, "-n", "2", "--dist", "loadfile", WBC_TEST_SEED="202607") == (first, ANY)
-    for machine in ({}, {"CI": "true"}):
-        other = drawn(tmp_path, WBC_TEST_SEED="202608", **machine)[0]
-        assert len(set(first) & set(other)) < len(set(first)) / 2
+    other = drawn(tmp_path, WBC_TEST_SEED="202608", CI="true")[0]  # by hand too, as both drew the same above
+    assert len(set(first) & set(other)) < len(set(first)) / 2
 
 
 @pytest.mark.parametrize("start", [date(2025, 12, 29), date(2026, 12, 28)])
