@@ -25,7 +25,7 @@ SMALL = QP([[2.0]], [0.0])
 @pytest.fixture(scope="module")
 def found() -> dict[str, Any]:
     """The three among a sound one; the first and the last problem are small."""
-    qps = [SMALL, random_qp(0, 6, 1, 3), random_qp(1, 6, 1, 3), SMALL]
+    qps = [SMALL, random_qp(0, 6, 1, 3), SMALL]
     return compare(
         qps, solvers=[Hanging(), Crashing(), Lying(), "daqp"], rounds=1, limit=3.0, classes={"default": None},
         torture=False, growth=False,
@@ -55,18 +55,18 @@ def column(found: dict[str, Any], solver: str, mode: str = "cold") -> dict[str, 
 def test_what_hangs_or_crashes_loses_only_the_problem_it_hung_or_crashed_on(found: dict[str, Any], mode: str):
     for solver, reason in (("hanging", "no answer within 3 s"), ("crashing", "crashed: SIGSEGV")):
         measure = column(found, solver, mode)
-        assert measure["status"] == ["SOLVED", "LOST", "LOST", "SOLVED"]
-        assert measure["lost"] == {"1": reason, "2": reason}
-        assert measure["total_us"][1] is None and measure["total_us"][3] > 0.0
+        assert measure["status"] == ["SOLVED", "LOST", "SOLVED"]
+        assert measure["lost"] == {"1": reason}
+        assert measure["total_us"][1] is None and measure["total_us"][2] > 0.0
 
 
 def test_what_lies_is_not_believed(found: dict[str, Any]):
     """Zero is the optimum of the first and the last alone."""
-    assert column(found, "lying")["status"] == ["SOLVED", "INACCURATE", "INACCURATE", "SOLVED"]
+    assert column(found, "lying")["status"] == ["SOLVED", "INACCURATE", "SOLVED"]
 
 
 def test_the_others_are_not_disturbed(found: dict[str, Any]):
-    assert column(found, "daqp")["status"] == ["SOLVED"] * 4
+    assert column(found, "daqp")["status"] == ["SOLVED"] * 3
     assert advice(found, found["sets"][0]).use.solver == "daqp"
 
 
@@ -76,9 +76,9 @@ def test_the_page_shows_each_as_what_it_is(found: dict[str, Any]):
     table = next(i for i in section.items if getattr(i, "caption", "").startswith("Solved (warm)"))
     rows = {row[0]: row for row in table.rows}
     solved, lost = table.columns.index("default"), table.columns.index("lost")
-    assert (rows["lying"][solved], rows["lying"][lost]) == (Marked("33.3 %, 2 wrong", "bad"), 0)
-    assert (rows["hanging"][solved], rows["hanging"][lost]) == ("33.3 %", 2)
-    assert (rows["crashing"][solved], rows["crashing"][lost]) == ("33.3 %", 2)
+    assert (rows["lying"][solved], rows["lying"][lost]) == (Marked("50 %, 1 wrong", "bad"), 0)
+    assert (rows["hanging"][solved], rows["hanging"][lost]) == ("50 %", 1)
+    assert (rows["crashing"][solved], rows["crashing"][lost]) == ("50 %", 1)
 
 
 def test_a_solver_that_cannot_be_sent_to_a_process_is_refused():
