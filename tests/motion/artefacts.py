@@ -5,7 +5,7 @@ Feet and the centre of mass are moved by Newton steps on Pinocchio's own Jacobia
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +17,7 @@ from wbc.motion import Retargeted, Witness, made
 from wbc.report.measure import spans
 
 KINDS = ("slip", "penetration", "jump", "speed", "centre of pressure")
+MOTIONS, STEPPING = ("squat", "reach", "dance", "turn", "walk"), ("turn", "walk")
 SLIP, DEPTH, JUMP, OUTSIDE = 0.03, 0.02, np.deg2rad(10.0), 0.05
 #: How much faster than its motor a joint moves, and the shortest swing that shows it [frames].
 FASTER, SHORTEST = 1.3, 7
@@ -176,14 +177,14 @@ class Count:
     false: int = 0
 
 
-def count(robots: list[str], each: int, *, seed: int = 0) -> dict[str, Count]:
+def count(robots: list[str], each: int, *, motions: Sequence[str] = MOTIONS, seed: int = 0) -> dict[str, Count]:
     """``each`` artefacts of every kind in motions of our own, on these robots in turn."""
     rng = np.random.default_rng(seed)
     counts = {kind: Count() for kind in KINDS}
     kept: dict[tuple[str, str, int], Retargeted] = {}
     for kind, tally in counts.items():
         while tally.tried < each:
-            name = str(rng.choice(["squat", "reach", "dance"] if kind == "centre of pressure" else [*MOTIONS]))
+            name = str(rng.choice([name for name in motions if kind != "centre of pressure" or name not in STEPPING]))
             key = robots[tally.tried % len(robots)], name, int(rng.integers(2))
             if key not in kept:
                 kept[key] = wbc.retarget(made(name, seed=key[2]), wbc.load(key[0], base="floating"))
@@ -192,9 +193,6 @@ def count(robots: list[str], each: int, *, seed: int = 0) -> dict[str, Count]:
             if artefact is not None:
                 _tell(tally, found, artefact)
     return counts
-
-
-MOTIONS = ("squat", "reach", "dance", "turn", "walk")
 
 
 def _tell(tally: Count, found: Retargeted, artefact: Artefact) -> None:
