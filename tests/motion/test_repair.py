@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -13,7 +14,7 @@ from tests.motion.artefacts import inject
 from tests.motion.test_retarget import retargeted, soles
 from tests.motion.test_witness import possible
 from wbc.models.along import velocities
-from wbc.motion import Fault, Motion, Verdict, Witness, made
+from wbc.motion import Fault, Motion, Retargeted, Verdict, Witness, made
 from wbc.motion.repair import _pieces, moments, possible_pace, repaired
 from wbc.report.measure import spans
 
@@ -71,6 +72,13 @@ def test_what_is_certified_is_left_alone():
 
 
 # ---- pace
+@cache
+def slowed() -> Retargeted:
+    """A squat three times as fast, repaired."""
+    squat, robot = made("squat"), wbc.load("humanoid", base="floating")
+    return wbc.retarget(Motion(3.0 * squat.rate, squat.positions), robot, acceleration=None, repair=True)
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_moments_are_nowhere_faster_than_the_pace_asked(seed: int):
     rng = np.random.default_rng(seed)
@@ -86,11 +94,9 @@ def test_moments_are_nowhere_faster_than_the_pace_asked(seed: int):
 
 @pytest.mark.slow
 def test_the_pace_found_is_the_fastest_possible_one():
-    found = retargeted("squat")
-    robot, contacts = found.robot, list(found.contacts.values())
-    fast = Motion(3.0 * found.rate, found.motion.positions)
-    hurried = wbc.retarget(fast, robot, acceleration=None)
-    assert hurried.certified < 1.0
+    hurried = slowed().before
+    assert hurried is not None and hurried.certified < 1.0
+    robot, contacts = hurried.robot, list(hurried.contacts.values())
     pace = possible_pace(hurried)
     v, a, _ = velocities(robot, hurried.q, hurried.rate)
     slower = np.flatnonzero((pace > 0.7) & (pace < 1.0))
@@ -105,10 +111,7 @@ def test_the_pace_found_is_the_fastest_possible_one():
 
 @pytest.mark.slow
 def test_a_squat_faster_than_its_fall_is_slowed_down():
-    squat = made("squat")
-    found = wbc.retarget(
-        Motion(3.0 * squat.rate, squat.positions), retargeted("squat").robot, acceleration=None, repair=True
-    )
+    found = slowed()
     before = found.before
     assert before is not None and before.certified < 1.0 == found.certified
     assert found.added == pytest.approx((len(found.q) - len(before.q)) / found.rate) and 0.0 < found.added < 3.0
