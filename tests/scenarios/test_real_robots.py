@@ -10,11 +10,9 @@ from tests.scenarios.runs import failed, run
 pytestmark = [needs_examples, pytest.mark.physics]
 #: What is run in every run of the tests, what only when asked, and the figures that a run comes to.
 STANDS, STEPS, TROTS = {"stood_s": 10.0}, {"steps": 10}, {"steps": 22}
-OFTEN = (
-    ("humanoid-stand", "robot=talos", STANDS), ("humanoid-stand", "robot=g1", STANDS),
-    ("quadruped-stand", "robot=go2", STANDS),
-)  # fmt: skip
+OFTEN = (("humanoid-stand", "robot=talos", STANDS), ("quadruped-stand", "robot=go2", STANDS))
 SELDOM = (
+    ("humanoid-stand", "robot=g1", STANDS),
     ("humanoid-stand", "robot=talos push=120", STANDS), ("humanoid-step", "robot=talos", STEPS),
     ("humanoid-step", "robot=g1", STEPS), ("quadruped-trot-in-place", "robot=go2", TROTS),
     ("arm-payload", "", {}), ("arm-actuator-loss", "", {}), ("arm-collision", "", {}), ("dual-arm", "robot=g1", {}),
