@@ -8,6 +8,7 @@ import json
 import os
 import pickle
 from collections.abc import Callable, Iterator
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -165,7 +166,7 @@ def test_a_spoilt_file_is_refused_and_never_executed(tmp_path: Path, which: int,
         (tmp_path / name).mkdir()
     # Whatever is accepted is about to be run; these tests end there.
     monkeypatch.setattr("wbc.sweep.run._finished", lambda *args, **settings: None)
-    _, file, read = list(readers(tmp_path))[which]
+    _, file, read = next(islice(readers(tmp_path), which, None))
     monkeypatch.setattr("wbc.report.solvers.comparison._finished", lambda *args, **settings: None)
     rng = generator("spoilt files", which)
     sound, proof = file.read_text(), tmp_path / "it ran"
