@@ -191,23 +191,25 @@ class Stopping:
         sizes: list[Vec] = []
         last = kept = np.zeros(len(v))
         for _ in range(_MOST_MOMENTS):
-            B, room, _ = self._needed(q, v)
+            B, room, needed = self._needed(q, v)
             speed = np.abs(v)
             distance = 0.5 * speed * speed
             if (distance > B * room + SAME).any():
                 return None
-            a, spare = self._brake(q, v, gentle, last)
+            time = max(float((speed / np.maximum(B, SAME)).max(initial=0.0)) * gentle, dt)
+            D = np.minimum(np.minimum(B, speed / dt), np.maximum(speed / time, needed)) * np.sign(v)
+            a, spare = self._brake(q, v, D, last)
             if a is None:
                 return None
             if not sizes:
                 kept = np.minimum(_MARGIN * (self._load.upper - self._load.lower), spare)
-            holds = bool(((spare > 0.0) & (spare >= kept - SAME)).all())
             size = np.abs(a)
             sizes.append(size)
-            if holds and (speed <= 2.0 * dt * size).all() and (distance <= size * room + SAME).all():
-                return _Way(t, max(step, dt), sizes)
+            if (speed <= 2.0 * dt * size).all() and (distance <= size * room + SAME).all():
+                if ((spare > 0.0) & (spare >= kept - SAME)).all():
+                    return _Way(t, max(step, dt), sizes)
             brakes = size > 0.0
-            stop = np.divide(speed, size, out=np.full(len(v), np.inf), where=brakes)
+            stop = np.divide(speed, size, out=speed + np.inf, where=brakes)
             if not step:
                 longest, fastest = float(stop.max(where=brakes, initial=0.0)), float(speed.max())
                 step = dt * max(1.0, np.floor(min(longest / _MOMENTS, _TURN / max(fastest, SAME)) / dt))
@@ -219,16 +221,12 @@ class Stopping:
             q, v = q + turn, v + a * stop
         return None
 
-    def _brake(self, q: Vec, v: Vec, gentle: float, last: Vec) -> tuple[Vec | None, Vec]:
-        """The policy's acceleration (nv,), and what the motors have left (nv,) where they hold the robot without any.
+    def _brake(self, q: Vec, v: Vec, D: Vec, last: Vec) -> tuple[Vec | None, Vec]:
+        """The acceleration −β D (nv,), and what the motors have left (nv,) where they hold the robot without any.
 
         None where the torques do not allow it, or no longer allow ``last``, the acceleration up to here.
         """
         state, load = self._state, self._load
-        B, _, needed = self._needed(q, v)
-        speed = np.abs(v)
-        time = max(float((speed / np.maximum(B, SAME)).max(initial=0.0)) * gentle, self._dt)
-        D = np.minimum(np.minimum(B, speed / self._dt), np.maximum(speed / time, needed)) * np.sign(v)
         state.update(0.0, q, v)
         bias, push = state.h + load.bias, load.push(state.M, D)
         above, below = bias - load.lower, bias - load.upper
@@ -237,15 +235,14 @@ class Stopping:
         free = np.where(np.isfinite(left), np.where(left > 0.0, np.minimum(free, 0.5 * left), free), 0.0)
         above, below, changed = above - free, below + free, _BETWEEN * free
         pushed = -load.push(state.M, last)
-        if (pushed > above + changed).any() or (pushed < below - changed).any():
+        if ((pushed > above + changed) | (pushed < below - changed)).any():
             return None, left
         # below <= β push <= above
         still = push == 0.0
         ends = np.array([np.where(still, np.inf, above), np.where(still, -np.inf, below)])
         ends /= np.where(still, 1.0, push)
         most, least = float(ends.max(axis=0).min(initial=1.0)), float(ends.min(axis=0).max(initial=0.0))
-        outside = (above < 0.0) | (below > 0.0)
-        if least > most or (still & outside).any():
+        if least > most or (still & ((above < 0.0) | (below > 0.0))).any():
             return None, left
         return -most * D, left
 
