@@ -21,7 +21,7 @@ from wbc.sweep import Range, Sweep, cluster, repeat, resume, sweep
 from wbc.sweep.run import in_order, read
 
 FLIP = f"{Path(__file__).with_name('flipping.py')}:flip"
-RUNS, FEWER = 1000, 300
+RUNS, FEWER = 1000, 150
 TIMES = ("tick_us",)
 
 
