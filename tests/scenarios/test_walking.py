@@ -49,7 +49,7 @@ def test_our_own_humanoid_takes_a_step(step: ScenarioResult) -> None:
 
 
 @pytest.mark.physics
-@pytest.mark.parametrize("sensors", ["truth", "mti-300", "bmi055"])
+@pytest.mark.parametrize("sensors", ["truth", "mti-300"])
 def test_our_own_quadruped_trots_in_place(sensors: str) -> None:
     result = run("quadruped-trot-in-place", "robot=quadruped", f"sensors={sensors}", duration=2.2)
     assert not failed(result)
