@@ -111,7 +111,9 @@ def watched(monkeypatch):
     return watch
 
 
-def test_a_pause_stops_the_loop_a_step_is_one_tick_and_it_goes_on(watched):
+def test_a_pause_stops_the_loop_a_push_acts_for_its_time_and_a_slider_sets_the_gain_of_its_task(watched):
+    """A step is one tick, and the loop goes on."""
+
     def does(page: Page, view: Any) -> None:
         page.press("pause")
         page.until(lambda: "paused" in page.text)
@@ -125,12 +127,6 @@ def test_a_pause_stops_the_loop_a_step_is_one_tick_and_it_goes_on(watched):
         assert page.t == pytest.approx(before + 1e-3)
         page.press("go on")
         page.until(lambda: page.t > before + 0.2)
-
-    watched(does)
-
-
-def test_a_push_acts_for_its_time_and_a_slider_sets_the_gain_of_its_task(watched):
-    def does(page: Page, view: Any) -> None:
         page.set("newtons", "50")
         page.press("push")
         page.until(lambda: any("push of (0, 50, 0) N at 'base'" in line for line in view.done))
