@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
+from collections.abc import Generator
 
 # Before numpy is imported: on few cores the threads of a BLAS only wait for one another.
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -48,13 +49,17 @@ def pytest_configure(config: pytest.Config) -> None:
     """Hypothesis draws from the seed of the week, unless ``--hypothesis-seed`` names another one."""
     if config.getoption("--hypothesis-seed", None) is None:
         config.option.hypothesis_seed = str(SEED)
-    gc.disable()  # what collection makes, stays: a third of its time would go into looking for garbage there
 
 
-def pytest_collection_finish() -> None:
-    """Tests are collected: none of it is looked through for garbage while they run."""
-    gc.freeze()
-    gc.enable()
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """What is collected stays: it is looked through for garbage neither meanwhile nor while tests run."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
