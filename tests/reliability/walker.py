@@ -86,29 +86,11 @@ def faults(source: str) -> Iterator[tuple[str, str]]:
     names: dict[str, Any] = {"__name__": "example"}
     for statement in ast.parse(source).body:
         for call in (node for node in ast.walk(statement) if isinstance(node, ast.Call)):
-            yield from _once(call, dict(names))
+            yield from _of_call(call, dict(names))
         try:
             exec(compile(ast.Module([statement], []), "<example>", "exec"), names)
         except Exception:  # an example may show a refusal
             continue
-
-
-#: Faults of calls without a name among their arguments, such as ``wbc.load("arm")``: one example is as good as another.
-_KNOWN: dict[tuple[Any, str] | None, list[tuple[str, str]]] = {}
-
-
-def _once(call: ast.Call, names: dict[str, Any]) -> list[tuple[str, str]]:
-    """The faults of a call, looked for again only where its arguments may be others."""
-    given = (node for argument in (*call.args, *call.keywords) for node in ast.walk(argument))
-    try:
-        named = any(isinstance(node, ast.Name) for node in given)
-        key = None if named else (_value(call.func, names), ast.unparse(call))
-        found = _KNOWN.get(key)
-    except Exception:  # a name inside a comprehension that is not there yet, or a callee without a hash
-        key = found = None
-    if found is None:
-        found = list(_of_call(call, names))
-    return found if key is None else _KNOWN.setdefault(key, found)
 
 
 def _of_call(call: ast.Call, names: dict[str, Any]) -> Iterator[tuple[str, str]]:
