@@ -74,16 +74,14 @@ def test_a_mistake_is_named(mistake: Seeded):
     assert mistake.says in found.findings[0].sentence
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(
     ("kind", "seed"),
     [
-        pytest.param(
-            kind, seed, marks=[needs_examples] * (kind == "g1") + [pytest.mark.deep] * (seed > 0 or kind != "franka")
-        )
-        for kind, count in CLEAN.items()
-        for seed in range(count)
+        pytest.param(kind, seed, marks=[needs_examples] * (kind == "g1"))
+        for kind, count in CLEAN.items() for seed in range(count)
     ],
-)
+)  # fmt: skip
 def test_nothing_is_found_where_nothing_is_wrong(kind: str, seed: int):
     found = checked(kind, seed)
     assert found.ok, found
