@@ -9,12 +9,9 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from copy import deepcopy
-from functools import partial
-from itertools import pairwise
 from math import isnan
-from operator import itemgetter
 from pathlib import Path
 from time import perf_counter_ns
 from typing import TYPE_CHECKING, Any, final
@@ -245,10 +242,7 @@ class Recorder(metaclass=TellsArguments):
         [[1.0, 2.0], [nan, nan]]
     """
 
-    __slots__ = (
-        "_full", "_integers", "_memory", "_pick_numbers", "_pick_vectors", "_place", "_sizes", "_ticks", "capacity",
-        "rows",
-    )  # fmt: skip
+    __slots__ = ("_full", "_integers", "_memory", "_place", "_ticks", "capacity", "rows")
 
     def __init__(self, capacity: int) -> None:
         if hasattr(capacity, "tick"):
@@ -259,7 +253,6 @@ class Recorder(metaclass=TellsArguments):
         self.rows = 0
         #: The rows before those that are written into now.
         self._full: list[Mat] = []
-        # A row is its numbers, then its vectors: an ordinary one is two copies, not one for each column.
         self._memory: Mat = np.empty((self.capacity, 0))
         #: Where each column stands in a row.
         self._place: dict[str, int | slice] = {}
@@ -333,18 +326,11 @@ class Recorder(metaclass=TellsArguments):
         elif i == self.capacity:
             self._full.append(self._memory)
             self._memory, i = np.empty_like(self._memory), 0
-        try:
-            vectors = self._pick_vectors(row)
-            if len(row) == len(self._place) and list(map(len, vectors)) == self._sizes:
-                first = len(row) - len(vectors)
-                self._memory[i, :first] = self._pick_numbers(row)
-                if vectors:
-                    np.concatenate(vectors, out=self._memory[i, first:])
-                self.rows += 1
-                return
-        except (KeyError, TypeError, ValueError, OverflowError):
-            pass
-        self._append_slowly(i, row)
+        values = {name: self._checked(name, value) for name, value in row.items()}
+        self._memory[i] = np.nan
+        for name, value in values.items():
+            self._memory[i, self._place[name]] = value
+        self.rows += 1
 
     def run(self, meta: Mapping[str, Any] | None = None) -> Run:
         """The rows so far as a :class:`Run`; the recorder may go on, and another thread may be recording meanwhile.
@@ -371,25 +357,18 @@ class Recorder(metaclass=TellsArguments):
         return run
 
     def _lay_out(self, row: Row) -> None:
-        numbers, vectors = ([name for name, value in row.items() if np.ndim(value) == ndim] for ndim in (0, 1))
-        odd = [name for name, value in row.items() if np.ndim(value) > 1]
-        if odd:
-            raise InvalidInput(f"column {odd[0]!r} has shape {np.shape(row[odd[0]])}; a value is a number or (k,)")
-        self._integers = frozenset(name for name in numbers if isinstance(row[name], int | np.integer))
-        self._sizes = [len(np.asarray(row[name])) for name in vectors]
-        places: dict[str, int | slice] = {name: k for k, name in enumerate(numbers)}
-        ends = np.cumsum([len(numbers), *self._sizes]).tolist()
-        places |= {name: slice(*own) for name, own in zip(vectors, pairwise(ends), strict=True)}
-        self._memory = np.empty((self.capacity, ends[-1]))
-        self._place = {name: places[name] for name in row}
-        self._pick_numbers, self._pick_vectors = _getter(numbers), _getter(vectors)
-
-    def _append_slowly(self, i: int, row: Row) -> None:
-        values = {name: self._checked(name, value) for name, value in row.items()}
-        self._memory[i] = np.nan
-        for name, value in values.items():
-            self._memory[i, self._place[name]] = value
-        self.rows += 1
+        """Set memory aside for rows like the first."""
+        places: dict[str, int | slice] = {}
+        width = 0
+        for name, value in row.items():
+            shape = np.shape(value)
+            if len(shape) > 1:
+                raise InvalidInput(f"column {name!r} has shape {shape}; a value is a number or (k,)")
+            end = width + (shape[0] if shape else 1)
+            places[name] = slice(width, end) if shape else width
+            width = end
+        self._integers = frozenset(name for name, value in row.items() if isinstance(value, int | np.integer))
+        self._memory, self._place = np.empty((self.capacity, width)), places
 
     def _checked(self, name: str, value: float | Vec) -> Vec:
         if name not in self._place:
@@ -416,12 +395,3 @@ def _whole(values: Vec) -> Column:
     if not (missing | (np.abs(values) < 2.0**53) & (np.rint(values) == values)).all():
         return values
     return np.where(missing, MISSING_INTEGER, values).astype(np.int64)
-
-
-def _getter(names: list[str]) -> Callable[[Row], tuple[Any, ...]]:
-    """itemgetter that answers with a tuple for any number of names."""
-    return itemgetter(*names) if len(names) > 1 else partial(_picked, names)
-
-
-def _picked(names: list[str], row: Row) -> tuple[Any, ...]:
-    return tuple(row[name] for name in names)
