@@ -108,13 +108,7 @@ class Certificate(NamedTuple):
 
     def within(self, tolerance: float) -> bool:
         """True if the certificate holds at this tolerance; a certificate with NaN never does."""
-        return (
-            self.primal <= tolerance
-            and self.dual <= tolerance * self.scale_dual
-            and self.gap <= tolerance * self.scale_gap
-            and self.distance <= DISTANCE * tolerance
-            and self.slope <= tolerance
-        )
+        return self.level <= tolerance
 
     def fault(self, tolerance: float = TOLERANCE) -> str:
         """Why the certificate does not hold at this tolerance; empty where it does."""
