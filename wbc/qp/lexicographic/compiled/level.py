@@ -160,16 +160,10 @@ def settle(at: int, rank: int, d: int) -> None:
     w.sizes[Size.DECIDED] = rank
     copy(w.step[rank:], w.t[rank:d])
     clear(w.missing)
-    for i in range(k if k <= rest else 0):
+    for i in range(k):
         times(w.A, rank, w.A[i, rank:], 0, i + 1, rest, w.K[i])
         w.K[i, i] += 1.0
-    factor(w.K, 0, k if k <= rest else 0, 0.0)
-    for i in range(rest if k > rest else 0):
-        clear(w.H[i])
-        w.H[i, i] = 1.0
-        for row in range(k):
-            add(w.A[row, rank + i], w.A[row, rank:], i + 1, w.H[i])
-    factor(w.H, 0, rest if k > rest else 0, 0.0)
+    factor(w.K, 0, k, 0.0)
     for _ in range(_REFINED):
         for i in range(k):
             w.rho[i] = w.missing[i] - w.a[i] - dot(w.A[i], w.t, d)
@@ -177,21 +171,13 @@ def settle(at: int, rank: int, d: int) -> None:
             w.g[c] = w.step[rank + c] - w.t[rank + c]
         for i in range(k):
             add(-w.missing[i], w.A[i, rank:], rest, w.g)
-        if k <= rest:
-            for i in range(k):
-                w.rho[i] -= dot(w.A[i, rank:], w.g, rest)
-            forward(w.K, 0, k, w.rho)
-            backward(w.K, 0, k, w.rho)
-            for i in range(k):
-                add(w.rho[i], w.A[i, rank:], rest, w.g)
-                w.missing[i] -= w.rho[i]
-        else:
-            for i in range(k):
-                add(w.rho[i], w.A[i, rank:], rest, w.g)
-            forward(w.H, 0, rest, w.g)
-            backward(w.H, 0, rest, w.g)
-            for i in range(k):
-                w.missing[i] += dot(w.A[i, rank:], w.g, rest) - w.rho[i]
+        for i in range(k):
+            w.rho[i] -= dot(w.A[i, rank:], w.g, rest)
+        forward(w.K, 0, k, w.rho)
+        backward(w.K, 0, k, w.rho)
+        for i in range(k):
+            add(w.rho[i], w.A[i, rank:], rest, w.g)
+            w.missing[i] -= w.rho[i]
         for c in range(rest):
             w.t[rank + c] += w.g[c]
 

@@ -71,7 +71,6 @@ class Space(NamedTuple):
     size: Annotated[Vec, "l"]  # lengths that rows are measured by
     order: Annotated[Index, "l"]  # rows in the order of elimination
     K: Annotated[Mat, "k, k"]
-    H: Annotated[Mat, "n, n"]
     C: Annotated[Mat, "l, n"]  # rows that narrow the space
     doubt: Annotated[Vec, "n"]  # 1 for a column that is not free, but hardly
     blur: Annotated[Vec, "n"]  # what rounding leaves in the space of a row along a column that is not free, as a share
