@@ -15,7 +15,6 @@ import numpy as np
 from wbc.compiled import Memory, place_of
 from wbc.qp.certificate import Bounds, Certificate
 from wbc.qp.rows.compiled.search import answer
-from wbc.qp.rows.compiled.verify import judge
 from wbc.qp.rows.compiled.work import INACCURATE, INFEASIBLE, LAYOUT, ROWS, SOLVED, VARIABLES
 from wbc.qp.rows.problem import RowProblem
 from wbc.qp.rows.solver import RowSolver
@@ -45,9 +44,8 @@ class CoreSolver(RowSolver):
     def __init__(self, problem: RowProblem) -> None:
         super().__init__(problem)
         p = problem
-        #: Multipliers of the last answer over ``unit``: of rows [B; R; S; L], and of the bounds on x; and what they
-        #: leave of its gradient in y.
-        self.push, self.z, self.left = np.zeros(p.n_rows), np.zeros(p.n), np.zeros(p.n_y)
+        #: Multipliers of the last answer over ``unit``: of rows [B; R; S; L], and of the bounds on x.
+        self.push, self.z = np.zeros(p.n_rows), np.zeros(p.n)
         self._owners = _owners_of(p)
         self.form = "rows" if fits_rows(p) else "variables"
         form = ROWS if self.form == "rows" else VARIABLES
@@ -56,7 +54,7 @@ class CoreSolver(RowSolver):
         proof, reach = np.split(self._report, (_NUMBERS,))
         memory = LAYOUT.arrays(
             sizes, G=p.G, value=p.value, lower=p.lower, upper=p.upper, metric=p.metric, centre=p.centre, scale=p.scale,
-            given=p.weights, reach=reach, push=self.push, z=self.z, left=self.left, proof=proof, unit=p.units,
+            given=p.weights, reach=reach, push=self.push, z=self.z, proof=proof, unit=p.units,
             numbers=np.array([p.regularisation, 0.0, 0.0]),
         )  # fmt: skip
         self._memory, self._side, self._sizes = Memory(*memory), memory.side, sizes
@@ -103,32 +101,6 @@ class CoreSolver(RowSolver):
         p = self.problem
         rows = items >= p.n
         self._side[np.where(rows, items - p.first_row - p.n_u + p.n_y, items - p.n_u)] = side
-
-    def certify(self, push: Vec) -> Certificate:
-        """The certificate of the answer in ``problem.value``, with the rows' values, whoever found it.
-
-        ``push`` (n_rows,) holds the pushes of range rows, tasks and equalities.
-        """
-        self.push[:] = push
-        return _proven(self._report.tobytes(), self._owners) if judge(self.address) else Certificate.none()
-
-    def sharpened(self) -> Vec:
-        """The pushes certified last, those of the tasks changed so that the bound is the least.
-
-        (S D⁻¹ Sᵀ + W⁻¹) δπ = ρ − S D⁻¹ r_D, with u eliminated from S, for an answer that comes without pushes of tasks.
-        S are the rows that have a weight: one without cannot push.
-        """
-        p, n, n_u, push = self.problem, self.problem.n, self.problem.n_u, self.push.copy()
-        own = p.soft.start + np.flatnonzero(p.weights)
-        rows, compliance = p.G[own, n_u:n], 1.0 / (p.weights[p.weights > 0.0] / p.unit)
-        rho = p.value[p.first_row + own] - push[own] * compliance
-        if n_u:
-            rows = rows - p.G[own, :n_u] @ np.linalg.solve(p.G[:n_u, :n_u], p.G[:n_u, n_u:n])
-        shifted = rows * ((self.z[n_u:] == 0.0) / p.metric)
-        K = shifted @ rows.T
-        K.flat[:: len(K) + 1] += compliance
-        push[own] += np.linalg.lstsq(K, rho - shifted @ self.left, rcond=None)[0]
-        return push
 
     def multipliers(self) -> tuple[Vec, Vec, Vec]:
         p, push = self.problem, self.problem.unit * self.push

@@ -22,8 +22,8 @@ from __future__ import annotations
 
 from math import inf, sqrt
 
-from wbc.compiled import copy, entry, kernel, part, small_kernel
-from wbc.qp.rows.compiled.equality import first_row, reduce_base, reduced
+from wbc.compiled import copy, kernel, part, small_kernel
+from wbc.qp.rows.compiled.equality import first_row, reduced
 from wbc.qp.rows.compiled.linear import add, add_rows, backward, clear, forward
 from wbc.qp.rows.compiled.work import Work, bound_of, is_fixed, place_of, views, weighed
 from wbc.tolerances import DISTANCE, MET, NEAR, ROUNDING
@@ -176,15 +176,6 @@ def certify(at: int) -> bool:
     distance = max(distance, alone)
     s.numbers[1] = MET / (sqrt(unit) * distance) if distance > 0.0 else 0.0
     return certified(s)
-
-
-@entry
-def judge(at: int) -> int:
-    """Certify the answer in ``value`` with the pushes in ``push``, whoever found them; 0 where there is none."""
-    if not (weigh(views(at)) and reduce_base(at)):
-        return 0
-    certify(at)
-    return 1
 
 
 @small_kernel
