@@ -6,7 +6,7 @@ the gradient into what is left of the unknowns and of the rows of the tasks:
 
     r_D = D (y − c) + Gᵀ π + z ,      ρ = S x̂ − π / w ,      |x̂ − x̃|_H ≤ √( r_Dᵀ D⁻¹ r_D + ρᵀ w ρ )
 
-Every split is true; a solver gives the one it has. The rest is decided here, so that no solver's word counts:
+Every split is true; the working set gives the one it has. The rest is decided here:
 
 * a range row that pushes on a bound that is not met within 1e-6, or on no bound, does not push;
 * the rows that determine u push with what makes r_D zero on u, B_uᵀ π_B = −(G_uᵀ π + ε u): one solve and one
