@@ -325,12 +325,16 @@ class Binding:
                 )
 
     def refresh(self) -> None:
-        """Assign to the copies what was assigned to their members since."""
+        """Assign to the copies what was assigned to their members since; where one raises, in the next tick too."""
         if self.is_behind:
             self.is_behind = False  # first: another thread may assign meanwhile
             self.assigned += 1
-            self._assign()
-            self._put(self._settings, self.tried(self._settings))
+            try:
+                self._assign()
+                self._put(self._settings, self.tried(self._settings))
+            except Exception:
+                self.is_behind = True
+                raise
 
     def given(self, own: Any) -> Any:
         """A copy of one of the copies as users set it, without what is overridden."""
@@ -361,12 +365,13 @@ class Binding:
                 try:
                     while tie.assigned:
                         with _LOCK:
-                            name = next(iter(tie.assigned))
-                            value = tie.assigned.pop(name)
+                            name, value = next(iter(tie.assigned.items()))
                         self._change(tie, name not in _FOLLOWED)
-                        setattr(tie.own, name, value)
-                except Exception as cause:
-                    raise MemberFailed(f"{tie.own.name}.{name}", cause) from cause
+                        with explained(f"{tie.own.name}.{name}"):
+                            setattr(tie.own, name, value)
+                        with _LOCK:
+                            if tie.assigned.get(name) is value:  # else another thread has assigned again
+                                del tie.assigned[name]
                 finally:
                     tie.own.__dict__["_role"] = _Role.CLOSED
 
