@@ -60,7 +60,7 @@ class CollisionAvoidance(Barrier):
 
     units = "m"
 
-    read_once = frozenset({"count", "obstacles", "pairs", "reach", "self_collision"})
+    read_once = frozenset({"count", "margin", "obstacles", "pairs", "reach", "self_collision"})
 
     def __init__(
         self, obstacles: Iterable[Obstacle] = (), *, pairs: Sequence[tuple[str, str]] | None = None,
@@ -69,25 +69,15 @@ class CollisionAvoidance(Barrier):
     ) -> None:  # fmt: skip
         super().__init__(rate=rate, slack=slack, name=name)
         self.reach = checks.number(f"{self.name}.reach", reach, low=0.0, strict=True)
-        self.margin = margin
+        self.margin = checks.number(f"{self.name}.margin", margin, low=0.0)
+        if self.reach <= self.margin:
+            raise InvalidInput(
+                f"{self.name}.reach is {self.reach:g} m; it must be more than the margin of {self.margin:g} m"
+            )
         self.obstacles = tuple(obstacles_in(f"{self.name}.obstacles", obstacles))
         self.pairs, self.self_collision = pairs, checks.truth(f"{self.name}.self_collision", self_collision)
         self.count = None if count is None else int(checks.number(f"{self.name}.count", count, low=1))
         self._distances: Distances | None = None
-
-    @property
-    def margin(self) -> float:
-        """Distance kept [m]."""
-        return self._margin
-
-    @margin.setter
-    def margin(self, value: float) -> None:
-        margin = checks.number(f"{self.name}.margin", value, low=0.0)
-        if self.reach <= margin:
-            raise InvalidInput(
-                f"{self.name}.reach is {self.reach:g} m; it must be more than the margin of {margin:g} m"
-            )
-        self._margin = margin
 
     def __getstate__(self) -> dict[str, Any]:
         """A copy measures by itself: which pair has which row is memory."""
@@ -105,6 +95,7 @@ class CollisionAvoidance(Barrier):
     def fill(self, state: RobotState, out: BarrierRows) -> None:
         distances = self._distances
         assert distances is not None, "prepare comes first"
+        distances.ahead = 1.0 / self.rate
         distances.read(state)
         missing = distances.missing
         self.note = f"{self.name}: {missing} pairs within reach have no row (count = {self.dim})" if missing else ""

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from pinocchio import SE3
 
 import wbc
 from tasks import (
@@ -22,6 +23,7 @@ from tasks import (
     JointVelocityLimits,
     LowAcceleration,
     MidRange,
+    Obstacle,
     Point,
     Posture,
     ProjectedGradient,
@@ -33,6 +35,7 @@ from tasks import (
 )
 from tests.tasks.test_contract import MEMBERS
 from wbc.errors import InvalidInput, UnknownJoint, WbcError
+from wbc.models.geometry import Sphere
 from wbc.models.model import RobotModel
 from wbc.qp.problem import QP
 from wbc.stack.constraint import Barrier, Constraint
@@ -332,10 +335,29 @@ def test_an_assigned_direction_has_length_one_as_one_of_the_constructor(kind: An
         np.testing.assert_allclose(getattr(sample, name), before, atol=1e-15)
 
 
-def test_a_margin_that_is_assigned_stays_within_the_reach() -> None:
+def test_pairs_have_rows_from_where_an_assigned_rate_says() -> None:
+    """A slower approach is stopped from further away: the rows are those of a constraint that is made so."""
+    ball = Obstacle("ball", Sphere(0.05), SE3(np.eye(3), ARM.state().frame("tool").position + [0.1, 0.2, 0.1]))
+    made = [CollisionAvoidance([ball], self_collision=False, reach=0.05, rate=rate) for rate in (15.0, 2.0)]
+    controllers = [wbc.Controller(ARM, wbc.Stack([], subject_to=[one]), level=wbc.AccelerationLevel()) for one in made]
+    controllers[0].tick(0.0, ARM.q0, np.zeros(ARM.nv))
+    made[0].rate = 2.0
+    some = 0
+    for seed in range(10):
+        v = np.random.default_rng(seed).normal(size=ARM.nv)
+        rows = []
+        for controller in controllers:
+            controller.tick(1e-3, ARM.q0, v)
+            rows.append([row for row in controller.plan.qp.C.round(9).tolist() if any(row[: ARM.nv])])
+        assert sorted(row[: ARM.nv] for row in rows[0]) == sorted(row[: ARM.nv] for row in rows[1])
+        some += len(rows[0])
+    assert some
+
+
+def test_a_margin_decides_which_pairs_are_looked_at_and_cannot_be_assigned() -> None:
     constraint = CollisionAvoidance(margin=0.02, reach=0.1)
-    with pytest.raises(InvalidInput, match=r"reach is 0\.1 m; it must be more than the margin of 0\.2 m"):
-        constraint.margin = 0.2
+    with pytest.raises(InvalidInput, match=r"margin is read once and cannot be assigned"):
+        constraint.margin = 0.05
     assert constraint.margin == 0.02
 
 

@@ -335,6 +335,7 @@ class Distances:
         """
         J = state.joint_columns  # and with them the placements of the joints
         near = self._near
+        near.numbers[2] = self.ahead
         pin.updateGeometryPlacements(self.model.pinocchio, state.data, self._geometry, near.data)
         for shape, (obstacle, middle) in self._moving.items():
             here = obstacle.at(state.t)

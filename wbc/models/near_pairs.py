@@ -56,6 +56,8 @@ class NearPairs:
         self.line = pairs.line
         #: (m,): of each pair its distance when it was measured last, and the ways of its shapes until then.
         self.measured = pairs.measured
+        #: ``reach``, ``margin``, ``ahead`` and ``close``.
+        self.numbers = pairs.numbers
         #: Twists of shapes that are no robot's, and their derivatives (n, 12), about the world's origin.
         self.own = pairs.own
 
