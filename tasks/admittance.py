@@ -44,7 +44,7 @@ class Admittance(Tracking, KernelTask):
 
     dim, units, convert = 6, ("m", "m", "m", "rad", "rad", "rad"), staticmethod(pose_target)
     labels = ("x", "y", "z", "roll", "pitch", "yaw")
-    read_once = frozenset({"inertia", "damping", "stiffness"})
+    read_once = frozenset({"inertia", "damping", "kd", "kp", "stiffness"})
 
     def __init__(
         self, frame: str, *, target: Any, inertia: Any, damping: Any, stiffness: Any, wrench: Any = (0.0, 0.0, 0.0),

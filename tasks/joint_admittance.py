@@ -41,7 +41,7 @@ class JointAdmittance(Tracking, JointTask, KernelTask):
         >>> guided.torque = [0.0, 1.5, 0.0, 0.0, 0.0, 0.0, 0.0]  # what the sensors of the joints read now
     """
 
-    read_once = frozenset({"damping", "inertia", "stiffness"})
+    read_once = frozenset({"damping", "inertia", "kd", "kp", "stiffness"})
 
     def __init__(
         self, target: Any, *, inertia: Any, damping: Any, stiffness: Any, torque: Any = 0.0,
@@ -72,7 +72,7 @@ class JointAdmittance(Tracking, JointTask, KernelTask):
         for what, values in (("inertia", M), ("damping", D)):
             if not values.all():
                 raise InvalidInput(f"{self.name}.{what}[{int(np.argmin(values))}] is 0; it must be > 0")
-        self.kp, self.kd = K / M, D / M
+        self._kp, self._kd = K / M, D / M
         held = K > 0.0
         self._held: Vec = held.astype(np.float64)
         self._compliance = np.divide(1.0, K, out=np.zeros(model.nj), where=held)

@@ -29,7 +29,7 @@ LEVELS = (wbc.VelocityLevel(), wbc.AccelerationLevel(), wbc.InverseDynamics())
 def twin(task: Any, rng: np.random.Generator) -> Any:
     """A copy of a task, called ``twin``, each of whose rows asks for a little more or less."""
     other = copy.deepcopy(task)
-    other.kp = np.asarray(task.kp) * (1.0 + 10.0 ** rng.uniform(-10.0, -2.0) * rng.normal(size=task.dim))
+    other._kp = np.asarray(task.kp) * (1.0 + 10.0 ** rng.uniform(-10.0, -2.0) * rng.normal(size=task.dim))
     other._name = "twin"
     return other
 

@@ -33,6 +33,7 @@ from tasks import (
     Yaw,
     feet,
 )
+from tests.stack.conftest import Saying
 from tests.tasks.test_contract import MEMBERS
 from wbc.errors import InvalidInput, UnknownJoint, WbcError
 from wbc.models.geometry import Sphere
@@ -213,9 +214,8 @@ def test_a_weight_by_name_is_to_be_read():
 
 # ---- what is assigned to a member of a running controller
 FORGETFUL = wbc.InverseDynamics(lm_damping=0.0)  # which remembers what the tick before left of a task
-#: Attributes that are no settings: what ``prepare`` writes, and gains that follow from a stiffness.
+#: Attributes that are no settings: what ``prepare`` writes.
 OTHERS = {"dim", "units", "labels", "convert", "codes", "note", "name", "target_dim"}
-FOLLOW = {"JointAdmittance": {"kp", "kd"}}
 #: These need contacts of their own; the rows of the last depend on the ticks before.
 LEFT_OUT = {"CenterOfPressure", "ContactForce", "InternalForce", "CollisionAvoidance"}
 
@@ -234,8 +234,7 @@ def settings_of(member: Any) -> list[str]:
     properties = {
         name for name in dir(type(member)) if isinstance(p := getattr(type(member), name), property) and p.fset
     }
-    others = OTHERS | FOLLOW.get(type(member).__name__, set())
-    return sorted(name for name in {*member.__dict__, *properties} - others if not name.startswith("_"))
+    return sorted(name for name in {*member.__dict__, *properties} - OTHERS if not name.startswith("_"))
 
 
 def controller(robot: RobotModel, member: Any) -> wbc.Controller:
@@ -337,7 +336,7 @@ def test_an_assigned_direction_has_length_one_as_one_of_the_constructor(kind: An
 
 def test_pairs_have_rows_from_where_an_assigned_rate_says() -> None:
     """A slower approach is stopped from further away: the rows are those of a constraint that is made so."""
-    ball = Obstacle("ball", Sphere(0.05), SE3(np.eye(3), ARM.state().frame("tool").position + [0.1, 0.2, 0.1]))
+    ball = Obstacle("ball", Sphere(0.05), SE3(np.eye(3), ARM.state().frame("tool").position + 0.1))
     made = [CollisionAvoidance([ball], self_collision=False, reach=0.05, rate=rate) for rate in (15.0, 2.0)]
     controllers = [wbc.Controller(ARM, wbc.Stack([], subject_to=[one]), level=wbc.AccelerationLevel()) for one in made]
     controllers[0].tick(0.0, ARM.q0, np.zeros(ARM.nv))
@@ -359,6 +358,42 @@ def test_a_margin_decides_which_pairs_are_looked_at_and_cannot_be_assigned() -> 
     with pytest.raises(InvalidInput, match=r"margin is read once and cannot be assigned"):
         constraint.margin = 0.05
     assert constraint.margin == 0.02
+
+
+@pytest.mark.parametrize("made", ["exactly", "within", "with_reaction"])
+@pytest.mark.parametrize(("what", "value"), [("kp", 9.0), ("kd", 2.0), ("target", [-0.5])])
+def test_an_override_reaches_the_task_of_a_constraint(made: str, what: str, value: Any) -> None:
+    """By its name, which a constraint on some joints and a reaction have, too."""
+    joint, state = ARM.joint_names[1], (ARM.q0 + 0.1, np.full(ARM.nv, 0.2))
+    rows = []
+    for overridden in (True, False):
+        task = Posture([0.4], joints=[joint], name="lock")
+        said = {"lock": {what: value}} if overridden else {}
+        if not overridden:
+            setattr(task, what, value)
+        one = task.within(0.5) if made == "within" else getattr(task, made)()
+        place = {"contacts" if made == "with_reaction" else "subject_to": [one]}
+        stack = wbc.Stack([Damping()], components=[Saying(wbc.Overrides(tasks=said))], **place)
+        controller = wbc.Controller(ARM, stack, level=wbc.AccelerationLevel())
+        assert controller.tick(0.0, *state).status.ok, controller.why
+        rows.append(controller.qp)
+    for name in ("A", "b", "C", "cl", "cu"):
+        np.testing.assert_array_equal(*(getattr(one, name) for one in rows))
+
+
+def test_gains_that_follow_from_something_else_cannot_be_assigned() -> None:
+    guided = JointAdmittance(ARM.q0, inertia=0.5, damping=4.0, stiffness=1.0)
+    geared = Posture([0.4], joints=[ARM.joint_names[1]]).with_reaction(name="gear")
+    for member in (guided, geared):
+        saying = Saying(wbc.Overrides(tasks={member.name: {"kp": 3.0}}))
+        place = {"contacts" if member is geared else "tasks": [member]}
+        stack = wbc.Stack(place.pop("tasks", [Damping()]), components=[saying], **place)
+        controller = wbc.Controller(ARM, stack, level=wbc.AccelerationLevel())
+        assert not controller.tick(0.0, ARM.q0, np.zeros(ARM.nv)).status.ok
+        assert "there is no setting 'kp'" in controller.why
+        for gain in ("kp", "kd"):
+            with pytest.raises(InvalidInput, match="is read once and cannot be assigned"):
+                setattr(member, gain, 3.0)
 
 
 def height(name: str, value: Any) -> float:

@@ -386,7 +386,7 @@ class Binding:
         self._settings = settings
 
     def tried(self, settings: Mapping[str, Mapping[str, Any]]) -> Tried:
-        """Of each member named, which attributes of its copy change to what.
+        """Of each member named, which attributes of its copy change to what; of one called as its task, that task.
 
         Raises:
             WbcError: no task of this name, or a value that it refuses.
@@ -396,13 +396,16 @@ class Binding:
             tie = next((tie for tie in self._ties.values() if tie.own.name == name), None)
             if tie is None:
                 raise UnknownName(name, [tie.own.name for tie in self._ties.values()], "an override speaks of a task")
+            task = getattr(tie.own, "task", None)
+            if isinstance(task, Member) and task.name == name:
+                tie = self._tie_of[id(task)]
             trial = copy(tie.own)
             trial.__dict__.update(tie.base or {})
             trial.__dict__["_role"] = _Role.OPEN
             before = dict(trial.__dict__)
             for what, value in values.items():
-                if not _is_setting(type(trial), what):
-                    known = [n for n in dir(type(trial)) if _is_setting(type(trial), n)]
+                if not _is_setting(type(trial), what) or what in trial.read_once:
+                    known = [n for n in dir(type(trial)) if _is_setting(type(trial), n) and n not in trial.read_once]
                     raise UnknownSetting(what, known, owner=name)
                 setattr(trial, what, value)
             nothing = object()

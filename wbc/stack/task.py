@@ -237,6 +237,8 @@ class Reaction(Contact):
     """
 
     bilateral = True
+    #: Its task has them.
+    read_once = frozenset({"kp", "kd", "target"})
 
     def __init__(self, task: Task, *, force_weight: float = 0.0, name: str | None = None) -> None:
         self.task = task
