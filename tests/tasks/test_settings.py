@@ -39,7 +39,7 @@ from wbc.errors import InvalidInput, UnknownJoint, WbcError
 from wbc.models.geometry import Sphere
 from wbc.models.model import RobotModel
 from wbc.qp.problem import QP
-from wbc.stack.constraint import Barrier, Constraint
+from wbc.stack.constraint import Barrier, Constraint, JointInterval
 from wbc.stack.contact import Contact
 from wbc.stack.member import bound
 from wbc.stack.task import Objective
@@ -394,6 +394,30 @@ def test_gains_that_follow_from_something_else_cannot_be_assigned() -> None:
         for gain in ("kp", "kd"):
             with pytest.raises(InvalidInput, match="is read once and cannot be assigned"):
                 setattr(member, gain, 3.0)
+
+
+class Slow(JointInterval):
+    """A limit of a user's own."""
+
+    quantity = "velocity"
+
+    def __init__(self, most: float) -> None:
+        super().__init__()
+        self.most = most
+
+    def bounds(self, model: RobotModel) -> Any:
+        return np.full(model.nj, -self.most), np.full(model.nj, self.most)
+
+
+@pytest.mark.parametrize("soft", [True, False])
+def test_a_setting_of_a_limit_on_joints_may_be_assigned_until_its_bounds_are_read(soft: bool) -> None:
+    slow, far = Slow(1.0), Posture(ARM.q0 + 2.0)
+    slow.most = 0.5
+    stack = wbc.Stack([far, slow.softly(weight=1e6)]) if soft else wbc.Stack([far], subject_to=[slow])
+    controller = wbc.Controller(ARM, stack, level=wbc.VelocityLevel())
+    with pytest.raises(InvalidInput, match=r"Slow\.most: a controller has read the bounds"):
+        slow.most = 0.1
+    assert controller.tick(0.0, ARM.q0, np.zeros(ARM.nv)).v == pytest.approx(np.full(ARM.nv, slow.most), abs=1e-4)
 
 
 def height(name: str, value: Any) -> float:

@@ -19,6 +19,7 @@ from collections.abc import Sequence
 from typing import Any, ClassVar, Literal, final
 
 from wbc import checks
+from wbc.errors import InvalidInput
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.member import EFFORTS, Member, setting
 from wbc.stack.objective import Objective
@@ -55,7 +56,8 @@ class Constraints(Constraint):
 
 
 class JointInterval(Constraint):
-    """Bounds on one quantity of every joint, (nj,) each; they belong to the settings, not to the state."""
+    """Bounds on one quantity of every joint, (nj,) each; they belong to the settings, not to the state. They are read
+    when a stack is compiled: from then on no setting may be assigned."""
 
     quantity: ClassVar[Quantity]
     #: Deceleration [rad/s², m/s²] a constraint on positions counts on; None leaves it to the composition.
@@ -68,6 +70,14 @@ class JointInterval(Constraint):
         Raises:
             InvalidInput: a limit that makes no sense, by joint name.
         """
+
+    def _assign(self, name: str, value: Any) -> None:
+        if name in self._settings - self.read_once and self.__dict__.get("_ties"):
+            raise InvalidInput(
+                f"{self.name}.{name}: a controller has read the bounds; give controller.replace a stack with another "
+                f"{type(self).__name__}, or narrow them by a component"
+            )
+        super()._assign(name, value)
 
 
 def bounds_of(limit: JointInterval, model: RobotModel) -> Mat:
