@@ -30,6 +30,7 @@ class Objective(Member):
     _active: bool = True
     #: Whether it may be done in part, all its rows alike; see :meth:`Task.scaled`.
     is_scaled: bool = False
+    read_once = frozenset({"is_scaled"})
 
     def __init__(self, *, name: str | None = None, weight: Any = 1.0) -> None:
         self._name = name

@@ -120,7 +120,7 @@ class Task(Objective):
         task, as any residual. Source: Flacco, De Luca, Khatib, IEEE T-RO 31(3), 2015.
         """
         same = copy(self)
-        same.is_scaled = True
+        same.__dict__["is_scaled"] = True
         return same
 
 
