@@ -100,6 +100,7 @@ CONSTRAINTS = {
     "a wall at the point": HalfSpaceLimit("tool", normal=[0.0, 0.0, -1.0], offset=-0.5, rate=0.5),
     "a ball around it": Position("tool", target=[0.4, 0.2, 0.6], name="ball").within(0.1, rate=0.5),
     "exactly there": Position("tool", target=[0.4, 0.2, 0.5], rate=0.5, name="there").exactly(),
+    "a joint exactly there": Posture([0.3], joints=[ARM.joint_names[-1]], rate=0.5).exactly(),
 }
 
 

@@ -20,7 +20,7 @@ from wbc.stack.formulation import VelocityLevel
 from wbc.stack.hierarchy import Strict, Weighted
 from wbc.stack.member import bound
 from wbc.stack.stack import Stack
-from wbc.stack.task import Exactly, Objective, Task
+from wbc.stack.task import Objective, Task
 from wbc.tolerances import MET
 from wbc.types import Index, Status, Vec
 
@@ -165,8 +165,8 @@ def _quick(member: Any) -> Any:
     member = copy(member)
     if isinstance(member, Task | Barrier):
         member.rate = 1.0 / _DT
-    elif isinstance(member, Exactly):
-        member.task = _quick(member.task)
+    if isinstance(task := vars(member).get("task"), Task):  # what it is made of
+        member.task = _quick(task)
     return member
 
 
