@@ -383,6 +383,15 @@ def test_an_override_reaches_the_task_of_a_constraint(made: str, what: str, valu
         np.testing.assert_array_equal(*(getattr(one, name) for one in rows))
 
 
+def test_an_override_reaches_the_task_and_not_a_constraint_on_one_called_the_same() -> None:
+    saying = Saying(wbc.Overrides(tasks={"Posture": {"weight": 7.0}}))
+    stack = wbc.Stack([Posture(ARM.q0)], subject_to=[Posture(ARM.q0).within(2.0)], components=[saying])
+    controller = wbc.Controller(ARM, stack, level=wbc.AccelerationLevel())
+    assert controller.tick(0.0, ARM.q0, np.zeros(ARM.nv)).status.ok
+    (task,), (limit,) = controller.plan.stack.tasks, controller.plan.stack.subject_to
+    assert (task.weight, limit.task.weight) == (7.0, 1.0)
+
+
 def test_gains_that_follow_from_something_else_cannot_be_assigned() -> None:
     guided = JointAdmittance(ARM.q0, inertia=0.5, damping=4.0, stiffness=1.0)
     geared = Posture([0.4], joints=[ARM.joint_names[1]]).with_reaction(name="gear")
