@@ -54,12 +54,12 @@ def free_rate(update: ParameterUpdate) -> np.ndarray:
     return update.gain @ update.Y.T @ update.s
 
 
-def sides(update: ParameterUpdate, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rows and bounds of the set as rows (k, p), and which of them a point is on."""
+def sides(update: ParameterUpdate, at: np.ndarray, way: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and bounds of the set as rows (k, p), and which of them a point is on: to the last bits of its ``way``."""
     eye, size = np.eye(len(at)), np.abs(update.a_hat).max()
     rows = np.vstack([update.C, -eye, eye])
     room = np.concatenate([update.d, -update.lower, update.upper]) - rows @ at
-    return rows, room <= 1e-9 * np.linalg.norm(rows, axis=1) * max(size, np.abs(at).max())
+    return rows, room <= np.linalg.norm(rows, axis=1) * (1e-9 * max(size, np.abs(at).max()) + 1e-15 * way)
 
 
 def pushed(update: ParameterUpdate, x: np.ndarray, at: np.ndarray) -> np.ndarray:
@@ -68,7 +68,7 @@ def pushed(update: ParameterUpdate, x: np.ndarray, at: np.ndarray) -> np.ndarray
     By scipy's non-negative least squares. What is left is the projection of x (Moreau), and as A (a − at) ≤ 0 for
     every a of the set, it never makes the Lyapunov function ½ |at − a|² grow: property 41.
     """
-    rows, on = sides(update, at)
+    rows, on = sides(update, at, float(np.abs(x).max()))
     R = np.linalg.cholesky(update.gain)
     held = rows[on] @ R
     held /= np.linalg.norm(held, axis=1)[:, None]
