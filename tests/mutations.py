@@ -98,7 +98,6 @@ def _slipped(folder: Path, slip: Slip, files: list[str]) -> Iterator[None]:
             kept.rename(place)
         try:
             path.write_bytes(slip.applied(source))
-            os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))  # or all machine code would be made anew
             yield
         finally:
             path.write_bytes(source)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+import ast
 import re
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -11,40 +11,71 @@ import numba
 import numpy as np
 import pytest
 from llvmlite.binding import Linkage
+from numba.core import caching
 
 import wbc
 from tests.test_import_cost import modules_after
 from wbc import compiled
 from wbc.compile_all import MODULES
-from wbc.compiled import Layout, carray, floats, forget_stale, part
+from wbc.compiled import Layout, carray, digest, floats, part
+from wbc.qp.rows.compiled import linear
 from wbc.qp.rows.compiled.linear import factor
 from wbc.types import Index, Mat
 
 
-def file_of_age(path: Path, seconds: int) -> Path:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.touch()
-    os.utime(path, (1e9 - seconds, 1e9 - seconds))
-    return path
+def package(folder: Path, **texts: str) -> Path:
+    """Files of kernels, where fill takes in rows and rows takes in linear; by name what stands elsewhere."""
+    there = {"fill": "from wbc.a.compiled.rows import g", "rows": "from wbc.a.compiled.linear import f", "linear": ""}
+    for name in ("tolerances", "compiled", "stack/kernel_rows"):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / f"{name}.py").write_text(texts.get(name, ""), encoding="utf-8")
+    (folder / "a/compiled").mkdir(parents=True)
+    for name, text in there.items():
+        (folder / f"a/compiled/{name}.py").write_text(f"{text}\n{texts.get(name, '')}", encoding="utf-8")
+    return folder
 
 
-def test_machine_code_is_forgotten_where_a_kernel_that_it_may_have_taken_in_is_newer(tmp_path: Path):
-    file_of_age(tmp_path / "stack/compiled/fill.py", 40)
-    file_of_age(tmp_path / "qp/compiled/linear.py", 20)  # changed after what calls it was compiled
-    file_of_age(tmp_path / "qp/ordinary.py", 0)
-    before = file_of_age(tmp_path / "stack/compiled/__pycache__/fill.nbi", 30)
-    after = file_of_age(tmp_path / "qp/compiled/__pycache__/linear.nbi", 10)
-    forget_stale(tmp_path)
-    assert not before.exists() and after.exists()
-    file_of_age(tmp_path / "tolerances.py", 5)  # numbers that kernels take in
-    forget_stale(tmp_path)
-    assert not after.exists()
-    forget_stale(tmp_path / "not there")
+@pytest.mark.parametrize("changed", ["fill", "rows", "linear", "tolerances", "compiled", "stack/kernel_rows"])
+def test_machine_code_depends_on_every_text_that_it_is_made_of_and_on_no_other(tmp_path: Path, changed: str):
+    before, after = package(tmp_path / "before"), package(tmp_path / "after", **{changed: "x = 1"})
+    same = {
+        name: digest(before / f"a/compiled/{name}.py", before) == digest(after / f"a/compiled/{name}.py", after)
+        for name in ("linear", "rows", "fill")
+    }
+    takes_in = {"fill": ["fill"], "rows": ["rows", "fill"]}.get(changed, ["linear", "rows", "fill"])
+    assert same == {name: name not in takes_in for name in same}
 
 
-def test_kernels_of_the_library_are_looked_at_when_compiled_code_is_first_asked_for():
-    folders = {path.parent for path in Path(wbc.__file__).parent.rglob("*_kernel.py")}
-    assert folders and all(folder.name == "compiled" for folder in folders), "else forget_stale does not see them"
+@pytest.mark.parametrize("kind", ["UserProvidedCacheLocator", "InTreeCacheLocator", "UserWideCacheLocator"])
+def test_wherever_machine_code_is_kept_it_is_of_the_sources_as_they_are(monkeypatch, tmp_path: Path, kind: str):
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    locator: Any = getattr(caching, kind)
+    kernel, other = (locator(f, f.__code__.co_filename) for f in (linear.factor.py_func, package))
+    assert kernel.get_source_stamp()[-1] == digest(Path(linear.__file__))
+    assert other.get_source_stamp() == compiled._stamp_of_file(other)
+
+
+def test_kernels_take_in_nothing_that_their_machine_code_is_not_compared_with():
+    """Names in functions of kernels come from files of kernels, or from those that all of them are compared with."""
+    seen = ("wbc.compiled", "wbc.tolerances", "wbc.stack.kernel_rows", "wbc.types")  # types are in no machine code
+    for path in Path(wbc.__file__).parent.rglob("*.py"):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        kernels = [
+            node for node in tree.body if isinstance(node, ast.FunctionDef)
+            and {getattr(one, "id", "") for one in node.decorator_list}
+            & {"kernel", "small_kernel", "entry", "part", "callee"}
+        ]  # fmt: skip
+        if not kernels:
+            continue
+        assert path.parent.name == "compiled" or path == Path(compiled.__file__)
+        unseen = {
+            name.asname or name.name
+            for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("wbc")
+            and ".compiled." not in (node.module or "") and node.module not in seen
+            for name in node.names
+        }  # fmt: skip
+        used = {one.id for node in kernels for line in node.body for one in ast.walk(line) if isinstance(one, ast.Name)}
+        assert not used & unseen, path
 
 
 def test_one_command_compiles_every_kernel_and_none_in_both_of_its_processes():

@@ -4,16 +4,18 @@ A kernel gets its arrays as one vector of addresses: numba looks at every array 
 them costs more than what the kernel does. Addresses are safe here because the memory of a plan never moves:
 :class:`Memory` keeps the arrays it has taken the addresses of.
 
-Machine code is kept on disk. A compiler that keeps it looks at the file of a kernel, not at the files of the kernels it
-has taken in: :func:`forget_stale` throws away what is older than any of them.
+Machine code is kept on disk, beside the sources or where numba finds a folder that may be written. Numba looks at the
+file of a kernel, not at the files of the kernels it has taken in: :func:`digest` is of all of them.
 """
 
 from __future__ import annotations
 
 import ctypes
+import re
 import sys
 from collections.abc import Callable
-from functools import cached_property
+from functools import cache, cached_property
+from hashlib import sha256
 from inspect import get_annotations
 from math import prod
 from pathlib import Path
@@ -23,13 +25,13 @@ import numba
 import numpy as np
 from llvmlite.binding import Linkage, add_symbol
 from llvmlite.ir import FunctionType, IntType
-from numba.core import codegen, event
+from numba.core import caching, codegen, event
 from numba.extending import intrinsic, models, register_model
 from numba.np.arrayobj import np_cfarray
 from numpy.typing import NDArray
 
 __all__ = [
-    "Layout", "Memory", "call_at", "callee", "carray", "copy", "entry", "floats", "forget_stale", "integers", "kernel",
+    "Layout", "Memory", "call_at", "callee", "carray", "copy", "digest", "entry", "floats", "integers", "kernel",
     "part", "place_of", "small_kernel",
 ]  # fmt: skip
 
@@ -205,23 +207,30 @@ class _Teller(_events.Listener):  # type: ignore[misc]
 _events.register("numba:compile", _Teller())
 
 
-#: Kernels take in the numbers of the one, and are compiled by the other.
-_MADE_OF = "tolerances.py", "compiled.py"
+_PACKAGE = Path(__file__).parent
+#: Kernels take in numbers of these, and are compiled by one of them.
+_MADE_OF = "tolerances.py", "compiled.py", "stack/kernel_rows.py"
+_TAKEN_IN = re.compile(rb"^from wbc\.([\w.]+\.compiled\.\w+) import", re.MULTILINE)
 
 
-def forget_stale(package: Path) -> None:
-    """Remove kept machine code that is older than a file of kernels in the folders ``compiled``, or what goes in."""
-    sources = [*package.rglob("compiled/*.py"), *(package / name for name in _MADE_OF)]
-    newest = max((source.stat().st_mtime_ns for source in sources if source.exists()), default=0)
-    for index in package.rglob("compiled/__pycache__/*.nbi"):
-        try:
-            if index.stat().st_mtime_ns < newest:
-                index.unlink()
-        except OSError:  # another process was first, or nothing may be written here
-            continue
+@cache
+def digest(source: Path, package: Path = _PACKAGE) -> bytes:
+    """Of the text that goes into the machine code of a file of kernels: its own and of all that it takes in."""
+    text = source.read_bytes()
+    kernels = (package / f"{name.decode().replace('.', '/')}.py" for name in _TAKEN_IN.findall(text))
+    others = ((package / name).read_bytes() for name in _MADE_OF)
+    return sha256(b"".join([text, *others, *(digest(one, package) for one in kernels)])).digest()
 
 
-forget_stale(Path(__file__).parent)
+def _stamp(locator: Any) -> Any:
+    """What kept machine code must agree with, in whatever folder it is."""
+    source, of_file = Path(locator._py_file), _stamp_of_file(locator)
+    return (of_file, digest(source)) if _PACKAGE in source.parents else of_file
+
+
+_LOCATOR: Any = caching._SourceFileBackedLocatorMixin
+_stamp_of_file = _LOCATOR.get_source_stamp
+_LOCATOR.get_source_stamp = _stamp
 
 
 def _pointer(kind: Any, c_kind: Any) -> Any:
