@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from wbc.errors import InvalidInput, UnknownScenario, WbcError
 from wbc.plugins import GROUP, BrokenPlugin, registered
-from wbc.sim.scenario import Scenario, find, scenarios
+from wbc.sim.scenario import Scenario, find, scenarios, scenarios_of
 
 from .waving import Wave
 
@@ -99,6 +99,56 @@ def test_a_file_without_a_name_says_what_it_has(tmp_path):
     (tmp_path / "empty.py").write_text("x = 1")
     with pytest.raises(InvalidInput, match="has no scenario"):
         find(str(tmp_path / "empty.py"))
+
+
+UNFINISHED = """
+from wbc.sim.scenario import Scenario
+
+class Shared(Scenario):
+    def judge(self, trials, p):
+        pass
+
+class Sized(Shared):
+    name = "sized"
+    def __init__(self, size):
+        self.size = size
+
+class Judged(Shared):
+    name, parameters = "judged", {"odd": None}
+
+class Built(Scenario):
+    name = "built"
+    def build(self, p):
+        pass
+    def judge(self, trials, p):
+        return next(trials)
+
+class Vague(Scenario):
+    name = "vague"
+
+small = Sized(1)
+"""
+
+
+def test_of_a_file_those_that_can_run_are_listed_without_what_they_share(tmp_path):
+    (own := tmp_path / "own.py").write_text(UNFINISHED)
+    assert sorted(scenarios_of(str(own))) == [f"{own}:{name}" for name in ("Built", "Judged", "small")]
+    assert find(f"{own}:small").summary == ""
+    for name in ("Shared", "Sized", "Vague"):
+        with pytest.raises(InvalidInput, match=f"{name} is a class, not a wbc.sim.scenario.Scenario with a name, or a"):
+            find(f"{own}:{name}")
+
+
+def test_an_unfinished_scenario_is_told_what_it_lacks(wbc, tmp_path):
+    (own := tmp_path / "own.py").write_text(UNFINISHED)
+    for name, said in {
+        "Judged": "what judge of the scenario 'judged' returns is None; it must be a ScenarioResult",
+        "Built": "what build of the scenario 'built' returns is None; it must be a Setup",
+    }.items():
+        answer = wbc("run", f"{own}:{name}")
+        assert answer.code == 2 and answer.err.startswith(f"wbc: {said}") and not answer.out
+    answer = wbc("run", f"{own}:Judged", "--set", "odd=1")
+    assert answer.code == 2 and answer.err.startswith("wbc: parameter 'odd' cannot be set: its default, None, is no")
 
 
 def test_defaults_stand_where_nothing_is_set(wave):

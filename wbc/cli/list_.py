@@ -69,7 +69,7 @@ def listed(scenarios: Mapping[str, Any]) -> Table:
     for name, scenario in scenarios.items():
         parameters = ", ".join(f"{key}={_typed(value)}" for key, value in scenario["parameters"].items())
         group, takes = scenario["group"], scenario["takes_s"]
-        made.add_row(Text(group), name, "" if takes is None else remaining(takes), Text(scenario["summary"]),
+        made.add_row(Text(group), Text(name), "" if takes is None else remaining(takes), Text(scenario["summary"]),
                      Text(parameters))  # fmt: skip
     return made
 

@@ -174,7 +174,7 @@ class Scenario(metaclass=TellsArguments):
     """
 
     name: ClassVar[str]
-    summary: ClassVar[str]
+    summary: ClassVar[str] = ""
     parameters: ClassVar[Mapping[str, Parameter]] = {}
     plants: ClassVar[Sequence[str]] = ("integrator",)
     hierarchies: ClassVar[Sequence[str]] = ("weighted",)
@@ -216,7 +216,9 @@ class Scenario(metaclass=TellsArguments):
         """
         p = Parameters(parameters, settings)
         done = self.simulated(self.cases(p), p)
-        return self.judge(done if simulated is None else _shown(done, simulated), p)
+        result = self.judge(done if simulated is None else _shown(done, simulated), p)
+        kind = "a ScenarioResult, such as wbc.tasks.scenarios.judge.verdict makes"
+        return checks.instance(f"what judge of the scenario {self.name!r} returns", result, ScenarioResult, kind)
 
     @final
     def simulated(self, cases: Mapping[str, Mapping[str, Any]], p: Parameters) -> Iterator[Trial]:
@@ -225,7 +227,7 @@ class Scenario(metaclass=TellsArguments):
         several = trials(progress, cases.items()) if len(cases) > 1 else ((one, progress) for one in cases.items())
         for (name, case), step in several:
             step(0.0, name)
-            setup = self.build(Parameters({**p, **case}, p.settings))
+            setup = self._built(p, case)
             chosen = p.settings
             yield setup.run(name, duration=chosen.duration, solver=chosen.solver, progress=step, meta=meta)
 
@@ -250,8 +252,11 @@ class Scenario(metaclass=TellsArguments):
         Raises:
             WbcError: what :meth:`build` raises.
         """
-        case = next(iter(self.cases(p).values()), {})
-        return self.build(Parameters({**p, **case}, p.settings))
+        return self._built(p, next(iter(self.cases(p).values()), {}))
+
+    def _built(self, p: Parameters, case: Mapping[str, Any]) -> Setup:
+        setup = self.build(Parameters({**p, **case}, p.settings))
+        return checks.instance(f"what build of the scenario {self.name!r} returns", setup, Setup, "a Setup")
 
     @final
     def parse(self, settings: Iterable[str]) -> dict[str, Parameter]:
@@ -368,7 +373,9 @@ def find(text: str) -> Scenario:
     value = getattr(module, name)
     found = _scenario(value)
     if found is None:
-        raise InvalidInput(f"{text} is a {type(value).__name__}, not a {Scenario.__module__}.{Scenario.__name__}")
+        kind = "class" if inspect.isclass(value) else type(value).__name__
+        wanted = f"{Scenario.__module__}.{Scenario.__name__} with a name, or a class that makes one without arguments"
+        raise InvalidInput(f"{text} is a {kind}, not a {wanted}")
     return found
 
 
@@ -399,10 +406,13 @@ def _members_in(module: Any) -> list[str]:
 
 
 def _scenario(value: Any) -> Scenario | None:
-    """``value`` where it is a scenario, which may be given as its class."""
-    if inspect.isclass(value):
-        value = value() if issubclass(value, Scenario) and not inspect.isabstract(value) else None
-    return value if isinstance(value, Scenario) else None
+    """``value`` where it is a scenario with a name, which may be given as its class."""
+    if inspect.isclass(value) and issubclass(value, Scenario):
+        try:
+            value = value()
+        except TypeError:  # without judge, or made with arguments: its instances are scenarios
+            return None
+    return value if isinstance(value, Scenario) and getattr(value, "name", "") else None
 
 
 def imported(place: str) -> Any:
@@ -451,6 +461,9 @@ def _read(key: str, text: str, default: Parameter) -> Parameter:
             raise InvalidInput(f"parameter {key!r} is {text!r}; it must be a whole number such as {default}") from None
     if isinstance(default, float):
         return checks.typed(f"parameter {key!r}", text)
+    if not isinstance(default, Sequence):
+        kinds = "no truth value, number, text or tuple of numbers"
+        raise InvalidInput(f"parameter {key!r} cannot be set: its default, {checks.shown(default)}, is {kinds}")
     parts = text.split(",")
     if len(parts) != len(default):
         raise InvalidInput(f"parameter {key!r} must have shape ({len(default)},), not ({len(parts)},)")
