@@ -71,6 +71,13 @@ def test_stills_are_one_picture_of_some_moments():
     assert figure.caption == "The robot at the start, at the end and between."
 
 
+def test_stills_count_time_from_the_first_tick_as_the_page_does():
+    run, robot = reaching_run(), load("arm")
+    later = type(run)({**run.columns, "t": run["t"] + 1000.0}, run.meta)
+    same, other = (stills(one, robot, parts(robot), moments=3).data for one in (run, later))
+    assert same == other
+
+
 def test_stills_of_a_run_with_a_push_say_so():
     robot = load("humanoid")
     assert "at the ends of pushes" in stills(standing_run(), robot, parts(robot), moments=3).caption

@@ -11,7 +11,7 @@ import numpy as np
 
 from wbc import checks
 from wbc.report import measure
-from wbc.report.document import Figure
+from wbc.report.document import Figure, number
 from wbc.report.motion import Motion, motion
 from wbc.report.shapes import Part, thinned, view
 from wbc.types import Index, Mat, Vec
@@ -36,6 +36,7 @@ def stills(
     """The robot, drawn as ``solid``, at ``moments`` times, seen from its front right."""
     solid = thinned(solid, BUDGET)
     rows = _moments(run, moments)
+    times = measure.times(run)[rows]
     moving = motion(run, robot, rows, sorted({part.link for part in solid}), obstacles)
     right, up, towards = _camera(robot)
     scene = [_projected(solid, moving, i, np.array([right, up, towards])) for i in range(len(rows))]
@@ -62,7 +63,7 @@ def stills(
             axes.set_ylim(middle[1] - height / 2, middle[1] + height / 2)
             axes.set_aspect("equal")
             axes.axis("off")
-            axes.set_title(f"{moving.times[i]:.1f} s", loc="center", fontsize=8.5)
+            axes.set_title(f"{number(times[i])} s", loc="center", fontsize=8.5)
         drawing.savefig(memory, format="png", dpi=170, metadata={"Software": None})
     pushed = ", at the ends of pushes" if measure.pushes(run) else ""
     caption = f"The robot at the start, at the end{pushed} and between."
