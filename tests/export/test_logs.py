@@ -10,11 +10,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tests.report.conftest import reaching_run, standing_run
 from wbc.control.recorder import Run
 from wbc.errors import InvalidInput
 from wbc.export import to_mcap, to_rerun
+from wbc.export.logs import TICK, log
 from wbc.models import load
 from wbc.models.catalogue import OWN_ROBOTS
 
@@ -47,6 +50,19 @@ def test_a_log_has_every_tick_at_its_time_with_names(logged):
     assert np.allclose(read, run["tau"][:, knee], rtol=1e-8)
     assert logged["/tick"][7][1]["status"] == "infeasible" and logged["/tick"][8][1]["tick_us"] > 0
     assert logged["/q"][0][1]["base_quaternion_w"] == pytest.approx(run["q"][0, 6])
+
+
+@given(
+    names=st.lists(st.text(st.sampled_from("a.[] '/é"), min_size=1, max_size=8), min_size=2, max_size=2, unique=True)
+)
+def test_names_are_whatever_their_users_chose(names: list[str]):
+    task, own = names
+    labels = {"tasks": {task: {"labels": ["x", "x", "y [b]"], "units": ["m", "m", "rad"]}}}
+    error = np.arange(6.0).reshape(2, 3)
+    about = log(Run({"t": [0.0, 0.1], f"error.{task}": error, own: error[:, 0], f"{own}.": error}, labels), None).series
+    assert about[TICK].names == [own] and np.array_equal(about[TICK].values, error[:, :1])
+    assert about[f"error.{task}"].names == ["x", "x'", "y [b]"] and about[f"error.{task}"].units == ["m", "m", "rad"]
+    assert about[f"{own}."].names == ["0", "1", "2"] and np.array_equal(about[f"{own}."].values, error)
 
 
 def test_gaps_are_null_and_active_rows_have_names(logged):

@@ -27,18 +27,26 @@ def table(columns: Mapping[str, NDArray[Any]], meta: Mapping[str, Any]) -> dict[
     the status.
     """
     result: dict[str, NDArray[Any]] = {}
-    for name, values in columns.items():
-        parts = list(_components(name, values, meta))
-        for k, (component, unit) in enumerate(parts):
-            heading = ".".join(part for part in (name, component) if part) + (f" [{unit}]" if unit else "")
-            while heading in result:  # two rows of a task with one label
-                heading += "'"
-            result[heading] = values if values.ndim == 1 else values.reshape(len(values), len(parts))[:, k]
+    for name, component, unit, values in numbers(columns, meta):
+        heading = ".".join(part for part in (name, component) if part) + (f" [{unit}]" if unit else "")
+        while heading in result:  # two rows of a task with one label
+            heading += "'"
+        result[heading] = values
     if "status" in columns and meta.get("statuses") and columns["status"].ndim == 1:
         names = list(meta["statuses"])
         codes = [int(code) for code in columns["status"]]
         result["status"] = np.array([names[c] if 0 <= c < len(names) else "" for c in codes], dtype=str)
     return result
+
+
+def numbers(
+    columns: Mapping[str, NDArray[Any]], meta: Mapping[str, Any]
+) -> Iterator[tuple[str, str, str, NDArray[Any]]]:
+    """Column, component, unit and values (N,) of each number that a row of a run has, both empty where none is."""
+    for name, values in columns.items():
+        parts = list(_components(name, values, meta))
+        for k, (component, unit) in enumerate(parts):
+            yield name, component, unit, values if values.ndim == 1 else values.reshape(len(values), len(parts))[:, k]
 
 
 def _components(name: str, values: NDArray[Any], meta: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

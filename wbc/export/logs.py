@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc import checks
-from wbc.control.table import table
+from wbc.control.table import numbers, table
 from wbc.errors import InvalidInput
 from wbc.report.marks import Mark, marks
 from wbc.report.motion import Motion, motion, quaternions
@@ -62,15 +62,16 @@ def log(run: Run, robot: RobotModel | None) -> Log:
     if not run.rows:
         raise InvalidInput("the run has no ticks")
     found: dict[str, list[tuple[str, str, Vec]]] = defaultdict(list)
-    columns = table(run.columns, run.meta)
-    for heading, values in columns.items():
-        name, _, unit = heading.partition(" [")
-        column = max((c for c in run.columns if name == c or name.startswith(f"{c}.")), key=len, default=name)
+    for column, component, unit, values in numbers(run.columns, run.meta):
         if column in ("t", STATUS, *ACTIVE) or values.dtype.kind not in "biuf":
             continue
-        number, unit = run.columns[column].ndim == 1, unit.rstrip("]'")
-        component = name.removeprefix(column).lstrip(".") or unit
-        found[TICK if number else column].append((column if number else component, unit, values))
+        if run.columns[column].ndim == 1:
+            found[TICK].append((column, unit, values))
+            continue
+        number = component or unit
+        while number in [name for name, _, _ in found[column]]:  # two rows of a task with one label
+            number += "'"
+        found[column].append((number, unit, values))
     series = {
         name: Series([n for n, _, _ in some], [u for _, u, _ in some], np.column_stack([v for _, _, v in some]))
         for name, some in found.items()
@@ -78,7 +79,7 @@ def log(run: Run, robot: RobotModel | None) -> Log:
     if all(column in run for column in ACTIVE) and run.meta.get("active_rows"):
         series["active"] = _active(run)
     times = np.asarray(run["t"], dtype=np.float64)
-    status = np.asarray(columns.get(STATUS, np.full(run.rows, "")), dtype=str)
+    status = np.asarray(table(run, run.meta).get(STATUS, np.full(run.rows, "")), dtype=str)
     solid = [] if robot is None else thinned(parts(robot), BUDGET)
     if robot is None or not solid:
         return Log(times, series, status, [], None, {}, [])
