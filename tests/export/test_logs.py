@@ -65,6 +65,16 @@ def test_names_are_whatever_their_users_chose(names: list[str]):
     assert about[f"{own}."].names == ["0", "1", "2"] and np.array_equal(about[f"{own}."].values, error)
 
 
+def test_a_log_of_a_run_that_begins_before_zero_counts_from_its_beginning(tmp_path):
+    pytest.importorskip("mcap")
+    run, robot = reaching_run(), load("arm")
+    early = Run({**run.columns, "t": run["t"] - 0.25}, run.meta)
+    told, wanted = (messages(to_mcap(one, tmp_path / "run.mcap", robot=robot)) for one in (early, run))
+    assert {k: [t for t, _ in some] for k, some in told.items()} == {
+        k: [t for t, _ in some] for k, some in wanted.items()
+    }
+
+
 def test_gaps_are_null_and_active_rows_have_names(logged):
     assert logged["/tick"][7][1]["distance.CenterOfMass"] is None
     name = "TorqueLimits: left_knee, upper"

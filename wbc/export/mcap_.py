@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 
 from wbc import __version__, checks
+from wbc.control.recorder import Run
 from wbc.export.logs import TICK, Log, Series, log
 from wbc.files import written
 from wbc.report.marks import Mark
@@ -20,7 +21,6 @@ from wbc.sim.scenario import Progress, silent
 from wbc.types import Vec
 
 if TYPE_CHECKING:
-    from wbc.control.recorder import Run
     from wbc.models.model import RobotModel
 
 WORLD = "world"
@@ -36,7 +36,8 @@ def to_mcap(
     Every column of the run is a topic, ``/q``, ``/tau``, ``/error.TASK``, with a message of named numbers for each
     tick; what is one number is in ``/tick``, with the name of the status, and ``/active`` has the multiplier of each
     row that was active. The scene is ``/tf`` (foxglove.FrameTransforms), ``/robot`` and ``/marks``
-    (foxglove.SceneUpdate). Times are those of the run, in nanoseconds.
+    (foxglove.SceneUpdate). Times are those of the run, in nanoseconds; those of a run that begins before 0, which the
+    format does not have, count from its beginning.
 
     Raises:
         NotSupported: the package mcap is not installed.
@@ -46,7 +47,8 @@ def to_mcap(
     checks.packages("an MCAP log", "mcap", extra="export")
     from mcap.writer import Writer
 
-    content = log(run, robot)
+    before = float(np.min(run["t"], initial=0.0))
+    content = log(run if before == 0.0 else Run({**run.columns, "t": run["t"] - before}, run.meta), robot)
     with written(path) as aside, aside.open("wb") as file:
         writer: Any = Writer(file)
         writer.start(profile="", library=f"wbc {__version__}")
