@@ -57,7 +57,7 @@ def written(place: Place) -> Iterator[Path]:
     if target.exists() and not target.is_file():
         raise InvalidInput(f"{target} cannot be written: it is no file")
     aside = target.parent / f".{uuid4().hex}{target.suffix}"
-    with _refused(target):
+    with refused(target):
         aside.touch(exist_ok=False)
         aside.unlink()
         try:
@@ -77,13 +77,18 @@ def made_folder(place: Place) -> Path:
     folder = located(place)
     if folder.exists() and not folder.is_dir():
         raise InvalidInput(f"{folder} is a file; it must be a folder")
-    with _refused(folder):
+    with refused(folder):
         folder.mkdir(parents=True, exist_ok=True)
     return folder
 
 
 @contextmanager
-def _refused(path: Path) -> Iterator[None]:
+def refused(path: Path) -> Iterator[None]:
+    """Around work that writes at ``path`` and does nothing else.
+
+    Raises:
+        InvalidInput: the system refused it.
+    """
     try:
         yield
     except OSError as cause:

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from wbc.errors import InvalidInput
-from wbc.report.folder import HTML, RECORDS, replaced
+from wbc.report.document import Report
+from wbc.report.folder import HTML, MARKDOWN, RECORDS, replaced, write
 
 
 def test_a_folder_appears_when_the_block_ends(tmp_path: Path):
@@ -25,6 +26,14 @@ def test_nothing_is_left_when_the_block_fails(tmp_path: Path, error: type[BaseEx
         (pending / HTML).write_text("half")
         raise error
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a full disk to write to")
+@pytest.mark.parametrize("page", [HTML, MARKDOWN])
+def test_a_full_disk_is_told_with_the_place(tmp_path: Path, page: str):
+    (tmp_path / page).symlink_to("/dev/full")
+    with pytest.raises(InvalidInput, match=f"{tmp_path} cannot be written: No space left"):
+        write(Report("t", "s", None, []), tmp_path)
 
 
 def test_an_older_report_is_replaced_whole(tmp_path: Path):

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from wbc.control.recorder import ARRAYS_FILE
 from wbc.errors import InvalidInput
-from wbc.files import located
+from wbc.files import located, refused
 from wbc.report.document import Report
 from wbc.report.html import html
 from wbc.report.markdown import markdown, picture_path
@@ -23,13 +23,18 @@ RECORDS = (ARRAYS_FILE, DATA, RESULTS)
 
 
 def write(report: Report, folder: Path) -> None:
-    """Write ``report.html``, ``report.md``, and ``figures/`` into an existing folder."""
-    for figure in report.figures:
-        path = folder / picture_path(figure)
-        path.parent.mkdir(exist_ok=True)
-        path.write_bytes(figure.data)
-    (folder / MARKDOWN).write_text(markdown(report), encoding="utf-8")
-    (folder / HTML).write_text(html(report), encoding="utf-8")
+    """Write ``report.html``, ``report.md``, and ``figures/`` into an existing folder.
+
+    Raises:
+        InvalidInput: they cannot be written there.
+    """
+    with refused(folder):
+        for figure in report.figures:
+            path = folder / picture_path(figure)
+            path.parent.mkdir(exist_ok=True)
+            path.write_bytes(figure.data)
+        (folder / MARKDOWN).write_text(markdown(report), encoding="utf-8")
+        (folder / HTML).write_text(html(report), encoding="utf-8")
 
 
 @contextmanager
