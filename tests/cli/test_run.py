@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import json
 import re
+import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -126,9 +129,19 @@ class Reach(Scenario):
 """
 
 
-def test_ctrl_c_keeps_what_was_recorded_with_its_report(wbc, tmp_path):
-    (tmp_path / "own.py").write_text(INTERRUPTED)
+@pytest.fixture
+def elsewhere() -> Iterator[Any]:
+    """What SIGTERM does outside of commands, here nothing."""
+    before = signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    yield signal.SIG_IGN
+    signal.signal(signal.SIGTERM, before)
+
+
+@pytest.mark.parametrize("end", ["SIGINT", "SIGTERM"])
+def test_ctrl_c_and_its_like_keep_what_was_recorded_with_its_report(wbc, tmp_path, elsewhere, end: str):
+    (tmp_path / "own.py").write_text(INTERRUPTED.replace("signal.SIGINT) if", f"signal.{end}) if"))
     answer = wbc("run", "own.py:Reach", "--out", "report")
+    assert signal.getsignal(signal.SIGTERM) is elsewhere
     assert answer.code == 130 and "interrupted at t = 0.100 s; the run so far is in report" in answer.err
     run = Run.load(tmp_path / "report")
     assert run.rows == 100 and run.meta["ended"] == "interrupted at t = 0.100 s"
