@@ -148,7 +148,7 @@ def test_an_unfinished_scenario_is_told_what_it_lacks(wbc, tmp_path):
         answer = wbc("run", f"{own}:{name}")
         assert answer.code == 2 and answer.err.startswith(f"wbc: {said}") and not answer.out
     answer = wbc("run", f"{own}:Judged", "--set", "odd=1")
-    assert answer.code == 2 and answer.err.startswith("wbc: parameter 'odd' cannot be set: its default, None, is no")
+    assert answer.code == 2 and answer.err.startswith("wbc: the default of parameter 'odd' is None; it must be a")
 
 
 def test_defaults_stand_where_nothing_is_set(wave):

@@ -412,7 +412,7 @@ def _scenario(value: Any) -> Scenario | None:
             value = value()
         except TypeError:  # without judge, or made with arguments: its instances are scenarios
             return None
-    return value if isinstance(value, Scenario) and getattr(value, "name", "") else None
+    return value if isinstance(value, Scenario) and hasattr(value, "name") else None
 
 
 def imported(place: str) -> Any:
@@ -461,9 +461,8 @@ def _read(key: str, text: str, default: Parameter) -> Parameter:
             raise InvalidInput(f"parameter {key!r} is {text!r}; it must be a whole number such as {default}") from None
     if isinstance(default, float):
         return checks.typed(f"parameter {key!r}", text)
-    if not isinstance(default, Sequence):
-        kinds = "no truth value, number, text or tuple of numbers"
-        raise InvalidInput(f"parameter {key!r} cannot be set: its default, {checks.shown(default)}, is {kinds}")
+    kinds = "a truth value, number, text or tuple of numbers"
+    checks.instance(f"the default of parameter {key!r}", default, Sequence, kinds)
     parts = text.split(",")
     if len(parts) != len(default):
         raise InvalidInput(f"parameter {key!r} must have shape ({len(default)},), not ({len(parts)},)")
