@@ -60,10 +60,8 @@ class UnbrokenSolver(RowSolver):
             return self._all()
         self._last = solver
         self.shortfall, self.iterations = solver.shortfall, solver.iterations
-        self.proof, self.report = (
-            partial(_proven, self._names, solver.proof),
-            partial(_ranked, self._names, solver.report),
-        )
+        self.proof = partial(_proven, self._names, solver.proof)
+        self.report = partial(_ranked, self._names, solver.report)
         return status
 
     def _all(self) -> Status:
