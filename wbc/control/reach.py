@@ -165,7 +165,7 @@ def _quick(member: Any) -> Any:
     member = copy(member)
     if isinstance(member, Task | Barrier):
         member.rate = 1.0 / _DT
-    if isinstance(task := vars(member).get("task"), Task):  # what it is made of
+    if isinstance(task := getattr(member, "__dict__", {}).get("task"), Task):  # what it is made of
         member.task = _quick(task)
     return member
 
