@@ -74,7 +74,7 @@ class Applied:
         """
         if len(said) == len(self.said) and all(one[1] is two[1] for one, two in zip(said, self.said, strict=True)):
             return
-        self._binding.refresh()
+        self._binding.refresh()  # overrides are tried on what users assigned
         motors: dict[int, Motor] = {}
         settings: Mapping[str, Mapping[str, Any]] = {}
         tried: Tried = []

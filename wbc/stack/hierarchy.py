@@ -60,6 +60,7 @@ class Hierarchy(metaclass=TellsArguments):
         from wbc.qp.lexicographic.unbroken import UnbrokenSolver
 
         most = 3 * len(stages) + 1 if self.budget is None else self.budget
+        # Slacks are decided before all else, not weighed beside other tasks.
         if may_break and ranks[0].tasks == [*problem.levels[0]]:
             return UnbrokenSolver(problem, stages, budget=most, leave=weighted, pulls=pulls)
         return LexicographicSolver(problem, stages, budget=most, leave=weighted, pulls=pulls)

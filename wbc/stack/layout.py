@@ -103,6 +103,7 @@ class Layout:
             said = block.member.force_labels()
             block.unknowns = self._unknowns(Row(f"force[{block.member.short_name}]", *one) for one in said if dynamics)
         self.nf = self.n - nv
+        # Those of constraints last: a solver may leave them out.
         for row_block in (*self.soft[len(self.slack) :], *self.soft[: len(self.slack)]):
             rows = self.names[row_block.rows]
             row_block.unknowns = self._unknowns(Row(f"{row_block.name}: slack", row.label, row.unit) for row in rows)

@@ -180,7 +180,7 @@ class LexicographicSolver(RowSolver):
         return Status.MAX_ITERATIONS if status.ok else status
 
     def wait(self, waits: bool) -> None:
-        """Whether :func:`hoped` leaves the next answer to whoever calls :meth:`solve` of another solver."""
+        """Whether the compiled call of a tick skips this problem, because another solver will answer."""
         self.staged.links[HOPE] = -1 if waits else self._last
 
     def count_with(self, other: RowSolver) -> None:
@@ -247,16 +247,17 @@ class LexicographicSolver(RowSolver):
             side = np.where(p.upper[items] - p.value[items] <= p.value[items] - p.lower[items], 1.0, -1.0)
         else:
             items, side = self._core.working_set()
+        return self._translated(items, side, self.staged.problem.n, -self._more)
+
+    def _translated(self, items: Index, side: Vec, n: int, more: int) -> tuple[Index, Vec]:
+        """Items of a problem of ``n`` unknowns as those of one with ``more``, less unknowns that only one of them has."""
         kept = self.staged.kept
-        known = (items < kept) | (items >= self.staged.problem.n)
+        known = (items < kept) | (items >= n)
         items, side = items[known], side[known]
-        return np.where(items < kept, items, items - self._more), side
+        return np.where(items < kept, items, items + more), side
 
     def guess(self, items: Index, side: Vec) -> None:
-        kept = self.staged.kept
-        known = (items < kept) | (items >= self.problem.n)
-        items, side = items[known], side[known]
-        items = np.where(items < kept, items, items + self._more)
+        items, side = self._translated(items, side, self.problem.n, self._more)
         self._core.guess(items, side)
         found = dict(zip(items.tolist(), side.tolist(), strict=True))
         self._sides[:] = [found.get(item, 0.0) for item in self._places.tolist()]
