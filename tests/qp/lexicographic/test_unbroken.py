@@ -13,6 +13,7 @@ import wbc
 from tasks import CenterOfMass, HalfSpaceLimit, JointLimits, JointVelocityLimits, Position, Posture
 from tests.families.oracle import judge, undamped
 from tests.stack.conftest import moving
+from wbc.control.answer import active
 from wbc.qp.lexicographic.solver import LexicographicSolver
 from wbc.tasks import feet
 
@@ -63,6 +64,7 @@ def test_slacks_that_are_left_out_change_no_answer(hierarchy: Any, level: Any, s
         value, at = p.value.copy(), control.levels
         assert len(control.solution().x) == control.qp.n
         assert "HalfSpaceLimit[left_hand]" in control.explain()
+        assert all(np.isfinite(one.bound) for one in active(control))
         status = reference.solve()
         expected, found = p.value.copy(), reference.report()
         p.value[:] = value

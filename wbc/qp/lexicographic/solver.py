@@ -250,7 +250,7 @@ class LexicographicSolver(RowSolver):
         return self._translated(items, side, self.staged.problem.n, -self._more)
 
     def _translated(self, items: Index, side: Vec, n: int, more: int) -> tuple[Index, Vec]:
-        """Items of a problem of ``n`` unknowns as those of one with ``more``, less unknowns that only one of them has."""
+        """Items of a problem of ``n`` unknowns as those of one with ``more``, less unknowns that only one has."""
         kept = self.staged.kept
         known = (items < kept) | (items >= n)
         items, side = items[known], side[known]
