@@ -198,6 +198,32 @@ def hold_guess(at: int) -> bool:
 
 
 @part
+def correct(at: int, is_at_centre: bool) -> None:
+    """Solve for what corrects what is left: dλ in place of ρ, and dy in place of M^−½ r in ``t``."""
+    s = views(at)
+    ny, m, first = s.sizes[1], s.sizes[6], first_row(s)
+    if is_at_centre:
+        clear(s.t)
+    else:
+        half(s, s.r, s.t)
+        times(s.F, 0, s.t, first, m, ny, s.a)
+        add(-1.0, s.a[first:], m - first, s.rho[first:])
+    forward(s.K, first, m, s.rho)
+    backward(s.K, first, m, s.rho)
+    add_rows(1.0, s.rho, s.F, first, m, ny, s.t)
+    back(s, s.t)
+
+
+@part
+def move(at: int) -> None:
+    """Go where :func:`correct` says."""
+    s = views(at)
+    first = first_row(s)
+    add(1.0, s.rho[first:], s.sizes[6] - first, s.lam[first:])
+    add(1.0, s.t, s.sizes[1], s.value[s.sizes[0] :])
+
+
+@part
 def step(at: int, is_first: bool) -> None:
     """One Newton step on (y, λ) from where they are. ``is_first``: nothing pushes yet and y is the centre."""
     s = views(at)
@@ -208,21 +234,13 @@ def step(at: int, is_first: bool) -> None:
         s.a[i] += s.E[i, ny]
         s.rho[i] = -(s.a[i] + compliance(s, i) * s.lam[i])
         s.a[i] = -s.weights[i] * s.a[i] if i < first else s.lam[i]
-    if first > 0 or s.sizes[5] == VARIABLES or not is_first:
+    is_at_centre = is_first and s.sizes[5] != VARIABLES
+    if not is_at_centre:
         for c in range(ny):
             s.r[c] = -s.metric[c] * (y[c] - s.centre[c])
         add_rows(1.0, s.a, s.E, 0, m, ny, s.r)
-        half(s, s.r, s.t)
-        times(s.F, 0, s.t, first, m, ny, s.a)
-        add(-1.0, s.a[first:], m - first, s.rho[first:])
-    else:
-        clear(s.t)
-    forward(s.K, first, m, s.rho)
-    backward(s.K, first, m, s.rho)
-    add(1.0, s.rho[first:], m - first, s.lam[first:])
-    add_rows(1.0, s.rho, s.F, first, m, ny, s.t)
-    back(s, s.t)
-    add(1.0, s.t, ny, y)
+    correct(at, is_at_centre)
+    move(at)
 
 
 @part

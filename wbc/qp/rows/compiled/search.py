@@ -13,11 +13,11 @@ from __future__ import annotations
 from math import inf
 
 from wbc.compiled import copy, part, small_kernel
-from wbc.qp.rows.compiled.equality import evaluate, hold_guess, place, reduce_base, reduced, step
+from wbc.qp.rows.compiled.equality import evaluate, hold_guess, move, place, reduce_base, reduced, step
 from wbc.qp.rows.compiled.finite import finite
-from wbc.qp.rows.compiled.verify import certified, exchange, verify, weigh
+from wbc.qp.rows.compiled.verify import certified, exchange, split, verify, weigh
 from wbc.qp.rows.compiled.work import FAILED, INACCURATE, SOLVED, views
-from wbc.tolerances import SHARP
+from wbc.tolerances import DISTANCE, MET, SHARP
 from wbc.types import Vec
 
 #: Working sets that are guessed before the finite method starts.
@@ -66,7 +66,10 @@ def prepare(at: int) -> bool:
 
 @part
 def refined(at: int, is_first: bool) -> int:
-    """A step, and more with the same working set while they help; how many items are wrong then."""
+    """A step, and more with the same working set while they help; how many items are wrong then.
+
+    Where nothing but the distance from the optimum is in doubt, the best split decides, and where to go on.
+    """
     s = views(at)
     wrong, distance, held = 0, inf, inf
     for k in range(1 + _REFINED):
@@ -77,6 +80,14 @@ def refined(at: int, is_first: bool) -> int:
         distance, held = s.proof[5], s.numbers[2]
         if wrong or not helps or (distance <= SHARP and held <= 1.0):
             break
+    for _ in range(_REFINED):
+        if wrong or s.numbers[2] > 1.0 or not s.proof[5] > DISTANCE * MET:
+            break
+        split(at)
+        if not certified(s):
+            move(at)
+            evaluate(at)
+            wrong = verify(at)
     return wrong
 
 
@@ -109,11 +120,20 @@ def search(at: int) -> bool:
 
 @part
 def decide(at: int) -> int:
-    """The answer by the finite method, which also finds the proof that there is none."""
-    found = finite(at)
-    if found == SOLVED:
+    """The answer by the finite method, which also finds the proof that there is none.
+
+    What it adds up drifts, and what drifts may hide what is broken: it goes on from where refining leads.
+    """
+    s, found = views(at), SOLVED
+    for _ in range(_REFINED):
+        found = finite(at)
+        if found != SOLVED:
+            break
         refined(at, False)
-        return SOLVED if certified(views(at)) else INACCURATE
+        if certified(s):
+            return SOLVED
+        found = INACCURATE
+        copy(s.side, s.best)
     return found
 
 

@@ -13,26 +13,26 @@ Every split is true; the working set gives the one it has. The rest is decided h
   refinement;
 * a bound that an unknown meets takes the part of r_D that it can push against, z.
 
-An unknown that belongs to no task, and that the regularisation alone determines, has next to no curvature: pushes of
-1e6 leave a gradient there whose rounding moves it by more than its size, whichever solver made it. So what rounding
-hides counts for the tasks, and does not count for these unknowns.
+A push of 1e6 leaves its rounding in the gradient, 1e-10. This split measures that by D, as if no task resisted, and a
+task of weight 1e-6 then seems to be far from its optimum. Where it says too little, :func:`split` finds the best one:
+what is left goes to the rows that resist it, with (dy, dλ) of the Newton step for r_D alone,
+
+    r_D := r_D − Eᵀ dλ ,      ρ := ρ + dλ / w ,      of which r_Dᵀ D⁻¹ r_D + ρᵀ w ρ = |dy|²_H is the least.
 """
 
 from __future__ import annotations
 
 from math import inf, sqrt
 
-from wbc.compiled import copy, kernel, part, small_kernel
-from wbc.qp.rows.compiled.equality import first_row, reduced
-from wbc.qp.rows.compiled.linear import add, add_rows, backward, clear, forward
+from wbc.compiled import copy, part, small_kernel
+from wbc.qp.rows.compiled.equality import compliance, correct, first_row, reduced
+from wbc.qp.rows.compiled.linear import add, add_rows, backward, clear, dot, forward
 from wbc.qp.rows.compiled.work import Work, bound_of, is_fixed, place_of, views, weighed
 from wbc.tolerances import DISTANCE, MET, NEAR, ROUNDING
 
 #: An unknown whose cost is at most this many times the regularisation belongs to no task. No task asks for its value,
 #: so it is only demanded that it can be no farther from its optimum than its own size (1 + |y|), as far as one knows.
 ALONE = 1.5
-#: What each product of a gradient loses, as a share of itself.
-_PRODUCT = 4.0 * 2.0**-52
 #: A bound is broken beyond this share of 1 + its size; held rows are brought to within it.
 _BROKEN = 1e-10
 #: How far a proof that there is no answer reaches [unit of the unknowns]: what is left of a gradient there counts.
@@ -70,29 +70,6 @@ def certified(s: Work) -> bool:
         and s.proof[5] <= DISTANCE * MET
         and s.proof[4] < inf
     )
-
-
-@kernel
-def known_spread(s: Work) -> float:
-    """The spread of what is left of the gradient beyond the rounding of the products that it is the sum of."""
-    n_u, n_y, n_range, n_soft = s.sizes[0], s.sizes[1], s.sizes[2], s.sizes[3]
-    first_soft, n, square = n_u + n_range, n_u + n_y, 0.0
-    for j in range(n_y):
-        s.t[j] = s.metric[j] * (abs(s.value[n_u + j]) + abs(s.centre[j]))
-    for i in range(len(s.G)):
-        terms = abs(s.push[i])
-        if first_soft <= i < first_soft + n_soft:
-            for c in range(n + 1):
-                terms += s.weights[i - first_soft] * abs(s.G[i, c] * s.value[c])
-        for j in range(n_y):
-            s.t[j] += terms * abs(s.G[i, n_u + j])
-    for j in range(n_y):
-        left = max(abs(s.left[j]) - _PRODUCT * s.t[j], 0.0)
-        square += left * left / s.metric[j]
-    for k in range(n_soft):
-        rho = s.value[n + 1 + first_soft + k] - s.push[first_soft + k] * s.compliance[k]
-        square += rho * rho * s.weights[k]
-    return sqrt(s.unit[0] * square)
 
 
 @part
@@ -141,7 +118,7 @@ def certify(at: int) -> bool:
     for i in range(rows):
         largest = max(largest, abs(push[i]))
         cost += abs(push[i]) * (1.0 + abs(of_rows[i]))
-    square, dual, distance, alone, bent = 0.0, 0.0, 0.0, 0.0, 0.0
+    square, dual, distance, bent = 0.0, 0.0, 0.0, 0.0
     for j in range(n_y):
         c = n_u + j
         away = s.metric[j] * (value[c] - s.centre[j])
@@ -161,9 +138,8 @@ def certify(at: int) -> bool:
         square += left * left / s.metric[j]
         share = s.reach[n_soft + j] / (1.0 + abs(value[c] * s.scale[c]))
         if unit * s.metric[j] <= ALONE * s.numbers[0]:
-            alone = max(alone, DISTANCE * MET * share)
-        else:
-            distance = max(distance, share)
+            share *= DISTANCE * MET
+        distance = max(distance, share)
     for i in range(n_soft):
         rho = value[items + first_soft + i] - push[first_soft + i] * s.compliance[i]
         square += rho * rho * s.weights[i]
@@ -171,11 +147,42 @@ def certify(at: int) -> bool:
     spread = sqrt(unit * square)
     s.proof[0], s.proof[1], s.proof[2] = primal, unit * dual, unit * gap
     s.proof[3], s.proof[4] = 1.0 + unit * (largest + bent), 1.0 + unit * cost
-    known = spread if not alone * spread > DISTANCE * MET else known_spread(s)
-    s.proof[5], s.proof[6] = max(distance * spread, alone * known), spread
-    distance = max(distance, alone)
+    s.proof[5], s.proof[6] = distance * spread, spread
     s.numbers[1] = MET / (sqrt(unit) * distance) if distance > 0.0 else 0.0
     return certified(s)
+
+
+@part
+def split(at: int) -> None:
+    """Certify the answer by the best split. The step is in ``rho`` and ``t``, for :func:`move`."""
+    s = views(at)
+    nu, ny, nr, ns, m, first = s.sizes[0], s.sizes[1], s.sizes[2], s.sizes[3], s.sizes[6], first_row(s)
+    first_item, first_soft, first_held, square = nu + ny + 1, nu + nr, weighed(s), 0.0
+    for k in range(ns):
+        s.push[first_soft + k] = s.weights[k] * s.value[first_item + first_soft + k]
+    certify(at)
+    for c in range(ny):
+        s.r[c] = -s.left[c]
+    clear(s.rho)
+    correct(at, False)
+    for i in range(m):
+        d = s.rho[i] if i >= first else -s.weights[i] * dot(s.E[i], s.t, ny)
+        if i < first_held:
+            square += compliance(s, i) * d * d
+        elif s.item[i] < ny or not (
+            is_fixed(s, s.item[i]) or abs(d) <= abs(s.push[place_of(s, s.item[i]) - first_item])
+        ):
+            d = 0.0  # bounds of y take what is left; a push may not change its sign
+        s.a[i] = d
+    add_rows(-1.0, s.a, s.E, 0, m, ny, s.left)
+    for c in range(ny):
+        if s.z[nu + c] != 0.0:
+            held = s.left[c] - s.z[nu + c]
+            s.left[c] = 0.0 if held * s.z[nu + c] < 0.0 else held
+        square += s.left[c] * s.left[c] / s.metric[c]
+    spread = sqrt(s.unit[0] * square)
+    s.proof[5] *= spread / s.proof[6]
+    s.proof[6] = spread
 
 
 @small_kernel
