@@ -110,10 +110,10 @@ def test_a_kernel_that_others_take_in_is_their_own_copy(monkeypatch: pytest.Monk
     monkeypatch.setattr(compiled, "_kept", lambda make, **more: make(_nrt=False, **more))  # compiled here and now
 
     @part
-    def solved(at: int) -> None:
-        L = carray(floats(at), (3, 3))
-        factor(L, 0, 3, 0.0)  # too large to be written into its callers
-        factor(L, 0, 2, 0.0)
+    def solved(at: int, n: int) -> None:
+        L = carray(floats(at), (n, n))
+        factor(L, 0, n, 0.0)  # of any size: too large to be written into its callers
+        factor(L, 0, n - 1, 0.0)
 
     made: Any = solved
     functions = list(made._made._library._final_module.functions)
