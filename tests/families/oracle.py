@@ -25,6 +25,8 @@ from wbc.types import Mat, Vec
 
 #: Largest violation of a constraint, in its unit.
 FEASIBLE = 1e-6
+#: A row this near to a bound is at it, in its unit.
+ROUNDED = 1e-8
 #: An optimum farther away than this many units of the unknowns rests on rows that are rounding, and proves nothing.
 FAR = 1e9
 #: What a task may be off by, as a share of one unit and what the task asks for.
@@ -64,9 +66,13 @@ class Constraints:
         return float(np.concatenate(parts).max(initial=0.0))
 
     def as_met_by(self, x: Vec) -> Constraints:
-        """The same, each as far off as x has it: large multipliers make a little rounding there change the optimum."""
+        """The same, each as far off as x has it: large multipliers make a little rounding there change the optimum.
+
+        That is so on either side: a bound that x pushes on from within is where x is, as in the certificate.
+        """
         value = self.C @ x
-        lower, upper = np.minimum(self.cl, value), np.maximum(self.cu, value)
+        lower = np.where(np.abs(value - self.cl) <= ROUNDED, value, np.minimum(self.cl, value))
+        upper = np.where(np.abs(value - self.cu) <= ROUNDED, value, np.maximum(self.cu, value))
         fixed = self.cl == self.cu
         return Constraints(self.E, self.E @ x, self.C, np.where(fixed, value, lower), np.where(fixed, value, upper))
 
