@@ -25,6 +25,7 @@ from tasks import (
     MidRange,
     Obstacle,
     Point,
+    Position,
     Posture,
     ProjectedGradient,
     Sinusoid,
@@ -291,7 +292,9 @@ def test_a_setting_is_what_a_new_controller_would_have_or_is_refused(kind: Any) 
 def test_what_cannot_be_assigned_is_named_with_a_way_to_change_it() -> None:
     task = Posture(TARGET).scaled()
     point = Point("left_sole", friction=0.5)
-    for member, name in ((JointVelocityLimits(), "v_max"), (point, "friction"), (task, "is_scaled")):
+    place, ceiling = Position("tool", target=np.zeros(3)), Ceiling("tool", 2.0)
+    rows = [(place, "dim"), (ceiling, "dim"), (ceiling, "units")]
+    for member, name in ((JointVelocityLimits(), "v_max"), (point, "friction"), (task, "is_scaled"), *rows):
         before = getattr(member, name)
         with pytest.raises(InvalidInput, match=rf"\.{name} is read once and cannot be assigned.*controller\.replace"):
             setattr(member, name, 0.2)

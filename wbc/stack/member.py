@@ -37,7 +37,7 @@ _LOCK = RLock()
 _FOLLOWED = frozenset({"target", "wrench", "torque", "_reference", "_given"})
 #: The unit of what moves or holds a joint, or a row, of this unit.
 EFFORTS = {"m": "N", "rad": "N m"}
-#: What ``prepare`` writes: of every copy its own.
+#: Decided by the class or ``__init__``, or written by ``prepare``: then of every copy its own.
 _STRUCTURE = frozenset({"dim", "units", "labels", "convert", "codes"})
 
 
@@ -55,7 +55,7 @@ class _Built(TellsArguments):
 
         def __call__(cls, *args: Any, **kwargs: Any) -> Any:
             made = super().__call__(*args, **kwargs)
-            made.__dict__["_settings"] = frozenset(name for name in made.__dict__ if name[0] != "_") - _STRUCTURE
+            made.__dict__["_settings"] = frozenset(name for name in made.__dict__ if name[0] != "_")
             made.__dict__["_role"] = _Role.SETTINGS
             return made
 
@@ -191,7 +191,9 @@ class Member(metaclass=_Built):
             value = check(f"{self.name}.{name}", value)
         # A number and None, or an array and the name of a frame, are other rows.
         is_other_rows = check is not None and (isinstance(value, str) or type(value) is not type(getattr(self, name)))
-        if name in self.read_once or is_other_rows:
+        # Structure that the class or ``__init__`` decides; any other is what ``prepare`` writes.
+        is_fixed = name in _STRUCTURE and bool(name in self._settings or getattr(type(self), name, None))
+        if name in self.read_once or is_other_rows or is_fixed:
             raise InvalidInput(
                 f"{self.name}.{name} is read once and cannot be assigned; make another {type(self).__name__}, and give "
                 "controller.replace a stack with it"
