@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import wbc
-from tasks import ContactForce, JointVelocity, JointVelocityLimits, Posture
+from tasks import CenterOfMass, ContactForce, JointVelocity, JointVelocityLimits, Posture, TorqueLimits
 from tests.reliability.conflicts import LEVEL, ROBOTS, Case, can_be_met, lowered, one_conflict, quiet, several_conflicts
 from tests.stack.conftest import feet
 from wbc.errors import Infeasible
@@ -54,6 +54,16 @@ def test_a_conflict_that_is_known_is_found_exactly(robot: str, seed: int):
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_of_several_conflicts_one_is_told_irreducibly(robot: str, seed: int):
     check_several(several_conflicts(robot, seed))
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_a_conflict_is_told_in_a_symmetric_stance_whose_zeros_are_rounding(name: str):
+    robot = wbc.load(name)
+    for way in np.eye(3):
+        far = CenterOfMass(target=robot.state().com + 5.0 * way, kp=100.0).exactly()
+        contacts = feet(robot) if robot.nb else []
+        stack = wbc.Stack([Posture(robot.q0)], contacts=contacts, subject_to=[TorqueLimits(), far])
+        check_several(Case(robot, stack, robot.q0, np.zeros(robot.nv), {}))
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
