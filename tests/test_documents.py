@@ -124,6 +124,7 @@ def test_readme_concepts_and_guides_show_programs():
     shown = [README, DOCS / "start.md", *(DOCS / "concepts").glob("*.md")]
     assert all(blocks(document.read_text(), "python") for document in shown) and len(shown) > 8
     assert len(FILES) >= 8
+    assert len(README.read_text().splitlines()) <= 150
 
 
 @pytest.mark.slow
