@@ -185,6 +185,13 @@ def test_the_rows_of_one_constraint_in_conflict_stand_in_one_line(standing: Scen
     ]  # fmt: skip
 
 
+def test_a_limit_that_is_crossed_in_a_run_that_passed_is_explained(standing: ScenarioResult):
+    for ok, worst in ((True, 0.02), (True, 1e-9), (False, 0.02)):
+        made = verdict.section(replace(standing, ok=ok, violations={"joint velocity": (worst, "rad/s")}))
+        (table,) = (item for item in made.items if isinstance(item, Table) and item.columns[0] == "limit")
+        assert ("a push can move a joint" in table.caption) == (ok and worst > 1e-6)
+
+
 def test_the_verdict_says_whose_signals_are_missing_and_why(standing: ScenarioResult):
     def told() -> list[Table]:
         return [i for i in verdict.section(standing).items if isinstance(i, Table) and i.columns[0] == "not recorded"]

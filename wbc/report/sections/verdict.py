@@ -11,6 +11,7 @@ from wbc.report.document import Bar, Event, Item, Link, Section, Table, neutral,
 from wbc.report.happened import story
 from wbc.report.sections.settings import figure_name
 from wbc.sim.scenario import Check, ScenarioResult, failed_first
+from wbc.tolerances import MET
 
 #: Where the bound stands in the bar of a demand, in shares of its width.
 BOUND = 0.6
@@ -43,6 +44,11 @@ def section(result: ScenarioResult) -> Section:
     if result.violations:
         rows_broken = [(kind, worst, unit) for kind, (worst, unit) in result.violations.items()]
         caption = "Largest violation of each limit"
+        if result.ok and any(worst > MET for worst, _ in result.violations.values()):
+            caption += (
+                ". Velocities and positions are measured: a push can move a joint beyond its limit although every "
+                "command keeps it. No demand of this scenario is about it."
+            )
         items.append(Table(("limit", "exceeded by", "unit"), rows_broken, caption, folded=bool(result.verdict)))
     plain = {k: v.item() if isinstance(v, np.generic) else v for k, v in result.figures.items()}
     figures = [(figure_name(k), neutral(v)) for k, v in plain.items() if isinstance(v, (bool, int, float, str))]
