@@ -6,6 +6,7 @@ A sound robot is not blamed for inertia, damping and friction of its motors; mis
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -153,6 +154,24 @@ def test_a_joint_that_is_read_beyond_its_limits_is_named(seed: int):
     for read, why in ((turned, "off by whole turns"), (far, "its offset or its unit")):
         (found,) = expected.outside(read)
         assert found.joints == (robot.joint_names[joint],) and why in found.sentence
+
+
+def test_a_joint_that_slides_is_told_in_metres(tmp_path: Path):
+    """Degrees, radians and whole turns are mistakes of joints that turn; a slide is read in millimetres."""
+    robot = sliding(tmp_path)
+    expected, slide = Expected(robot, np.eye(3)), robot.joint_names.index("gripper")
+    (outside,) = expected.outside(robot.q0 + 2.0 * np.pi * np.eye(4)[slide])
+    rest = Response(robot.q0, np.zeros(4), *np.zeros((5, 4, 16)))
+    read = replace(rest, q=robot.q0 + 0.5 * np.eye(4)[slide], tau=expected.at(robot.q0 + 0.5 * np.eye(4)[slide])[0] + 5)
+    units = Candidates(expected).units()
+    for mistake in [outside, *units, *Candidates(expected).shifted(read, expected)]:
+        turning = [word for word in ("rad", "degrees", "turn") if word in mistake.sentence]
+        moved = {robot.joint_names[k] for k in np.flatnonzero((mistake.scale != 1.0) | (mistake.offset != 0.0))}
+        assert not turning or ("gripper" not in mistake.joints and "gripper" not in moved), mistake
+    assert "is read at 6.28 m, beyond its limits -1 and 1 m" in outside.sentence
+    millimetres = "gripper comes in millimetres and is taken for metres"
+    assert [one.scale[slide] for one in units if one.sentence == millimetres] == [1000.0]
+    assert {"every joint that turns", "every joint that slides"} <= {one.sentence.partition(" comes")[0] for one in units}
 
 
 def test_what_torques_do_not_show_is_said():

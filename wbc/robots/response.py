@@ -45,6 +45,8 @@ _DYNAMIC, _STATIC, _SHARE = 0.02, 0.1, 0.12
 CONVINCING = 5.0
 #: Gears that are tried first.
 _RATIOS = 0.015, 0.1, 0.3, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 10.0, 60.0
+#: By the unit of a joint: what it does; how many of another unit make one; the names of both.
+_UNITS = {"rad": ("turns", 180.0 / np.pi, "degrees", "radians"), "m": ("slides", 1e3, "millimetres", "metres")}
 #: Of so many limbs that are alike, several pairs may be exchanged at once.
 _FEW = 6
 #: A joint stands so far beyond its limits at most [rad, m].
@@ -130,6 +132,7 @@ class Expected:
 
     def __init__(self, robot: Any, attitude: Mat) -> None:
         self.names: tuple[str, ...] = robot.joint_names
+        self.units: tuple[str, ...] = robot.joint_units
         self._limits = robot.limits
         self._model = robot.pinocchio.copy()
         self._model.gravity = pinocchio.Motion(attitude.T @ robot.gravity, np.zeros(3))
@@ -183,10 +186,12 @@ class Expected:
         found = []
         for i in np.flatnonzero(np.maximum(q - most, least - q) > _BEYOND):
             off = q[i] - np.clip(q[i], least[i], most[i])
+            unit = self.units[i]
             nearest = q[i] - np.sign(off) * 2.0 * np.pi * np.ceil(abs(off) / (2.0 * np.pi))
-            is_turned = least[i] - _BEYOND <= nearest <= most[i] + _BEYOND
+            is_turned = unit == "rad" and least[i] - _BEYOND <= nearest <= most[i] + _BEYOND
             why = "it is off by whole turns" if is_turned else "its offset or its unit is wrong"
-            text = f"{self.names[i]} is read at {q[i]:.2f}, beyond its limits {least[i]:.2f} and {most[i]:.2f}: {why}"
+            limits = f"{least[i]:.3g} and {most[i]:.3g} {unit}"
+            text = f"{self.names[i]} is read at {q[i]:.3g} {unit}, beyond its limits {limits}: {why}"
             found.append(candidates.made("offset", text, [int(i)]))
         return found
 
@@ -207,7 +212,7 @@ class Candidates:
     """The mistakes that are looked for, on the joints of one robot."""
 
     def __init__(self, expected: Expected) -> None:
-        self.names, self.n = expected.names, len(expected.names)
+        self.names, self.n, self._units = expected.names, len(expected.names), expected.units
         self._limbs = expected.limbs()
 
     def made(self, kind: str, sentence: str, joints: Sequence[int], **how: Any) -> Mistake:
@@ -283,19 +288,16 @@ class Candidates:
         return found
 
     def units(self) -> list[Mistake]:
-        """One joint, or all, are read in another unit, and may count the other way round, too."""
-        mistaken = [
-            (sign * factor, text + (", with the other sign" if sign < 0 else ""))
-            for factor, text in (
-                (180.0 / np.pi, "degrees and is taken for radians"),
-                (np.pi / 180.0, "radians and is taken for degrees"),
-            )
-            for sign in (1, -1)
-        ]
-        return [
-            self.made("unit", f"{who} comes in {text}", joints, scale=dict.fromkeys(joints, factor))
-            for (who, joints), (factor, text) in product(self._sets(), mistaken)
-        ]
+        """One joint, or all that turn or slide, are read in another unit, and may count the other way round, too."""
+        found = []
+        for (who, joints), (unit, (moves, factor, one, other)) in product(self._sets(), _UNITS.items()):
+            alike = [j for j in joints if self._units[j] == unit]
+            whose = who if len(alike) == len(joints) else f"{who} that {moves}"
+            for size, sign in product((factor, 1.0 / factor) if alike else (), (1, -1)):
+                read, taken = (one, other) if size > 1.0 else (other, one)
+                text = f"{whose} comes in {read} and is taken for {taken}" + ", with the other sign" * (sign < 0)
+                found.append(self.made("unit", text, alike, scale=dict.fromkeys(alike, sign * size)))
+        return found
 
     def torques(self, seen: Response, expected: Expected) -> list[Mistake]:
         """All torques are read with another sign or unit."""
@@ -311,12 +313,16 @@ class Candidates:
 
     def hidden(self, seen: Response, expected: Expected) -> list[str]:
         """What torques do not show of a robot that is as ``seen``: gears, units and offsets of light joints."""
-        found, degree = [], np.pi / 180.0
-        wrong = {"gear": ("scale", 0.5, 2.0), "unit": ("scale", degree, 1.0 / degree), "offset": ("offset", -0.3, 0.3)}
-        for what, (name, *sizes) in wrong.items():
+        found = []
+        units = [_UNITS[unit][1] for unit in self._units]
+        for what, name, wrong in (
+            ("gear", "scale", [(0.5, 2.0)] * self.n),
+            ("unit", "scale", [(factor, 1.0 / factor) for factor in units]),
+            ("offset", "offset", [(-0.3, 0.3)] * self.n),
+        ):
             joints = [
                 self.names[i]
-                for i in range(self.n)
+                for i, sizes in enumerate(wrong)
                 if any(
                     expected.cost(self.made(what, "", [i], **{name: {i: size}}).applied(seen)) < 2.0 * CONVINCING
                     for size in sizes
@@ -332,7 +338,7 @@ class Candidates:
         for i in range(self.n):
 
             def off(by: float, i: int = i) -> Mistake:
-                return self.made("offset", f"{self.names[i]} is off by {by:.2f} rad", [i], offset={i: by})
+                return self.made("offset", f"{self.names[i]} is off by {by:.2f} {self._units[i]}", [i], offset={i: by})
 
             best = _least(off, seen, expected, np.linspace(-np.pi, np.pi, 64), lambda by, step: by + step)
             if abs(best) > 0.08:
