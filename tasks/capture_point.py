@@ -15,6 +15,7 @@ from wbc.stack.kernel_rows import CENTRE, KernelRows
 from wbc.stack.target import vector_target
 from wbc.stack.tracking import Tracking
 
+from .required import gravity_down
 from .trajectories import Sinusoid
 
 
@@ -30,7 +31,7 @@ class CapturePoint(Tracking, KernelLinearTask):
 
     Raises:
         InvalidInput: a target of another shape, a height that is not positive; when a stack is compiled, a robot
-            without mass.
+            without mass. NotSupported: then, gravity that is not along −z.
 
     Example:
         >>> from wbc.tasks import CapturePoint
@@ -52,7 +53,8 @@ class CapturePoint(Tracking, KernelLinearTask):
         self.target = target
 
     def prepare(self, model: RobotModel) -> None:
-        self._omega = float(np.sqrt(np.linalg.norm(model.gravity) / self.height))
+        gravity_down(self.name, model)
+        self._omega = float(np.sqrt(-model.gravity[2] / self.height))
 
     def kernel_rows(self) -> KernelRows:
         return KernelRows.tracking(self, "motion.capture_point", CENTRE, numbers=[self._omega, self.rate])

@@ -15,6 +15,7 @@ from wbc.stack.task import LinearRows, LinearTask
 from wbc.stack.tracking import Tracking, pose_target, rotation_error
 
 from .motions import pose_motion, swing
+from .required import inertia
 from .trajectories import Sinusoid
 
 
@@ -31,7 +32,8 @@ class Impedance(Tracking, LinearTask):
     Source: Hogan, J. Dynamic Systems, Measurement, and Control 1985; Khatib, IEEE J. Robotics and Automation 1987.
 
     Raises:
-        InvalidInput: a target that is no pose, negative stiffness or damping. UnknownFrame: when a stack is compiled.
+        InvalidInput: a target that is no pose, negative stiffness or damping. UnknownFrame: when a stack is
+            compiled. NotSupported: then, a joint with which no inertia moves.
 
     Example:
         >>> from wbc.tasks import Impedance
@@ -56,6 +58,7 @@ class Impedance(Tracking, LinearTask):
 
     def prepare(self, model: RobotModel) -> None:
         model.check_frame(self.frame)
+        inertia(self.name, model)
 
     def fill(self, state: RobotState, out: LinearRows) -> None:
         frame, target = state.frame(self.frame), self.reference(state.t)

@@ -10,6 +10,8 @@ from scipy.linalg import lapack
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.task import Task, TaskRows
 
+from .required import inertia
+
 
 @final
 class KineticEnergy(Task):
@@ -18,6 +20,9 @@ class KineticEnergy(Task):
     Acceleration level: ẏ = −kd y, so that T falls as e^(−2 kd t) if there is no other task. Of the motions that
     fulfil the other tasks equally well, the one with the least kinetic energy is chosen.
     L̇ = L Φ(L⁻¹ Ṁ L⁻ᵀ), Φ the lower half and half the diagonal, Ṁ = C + Cᵀ.
+
+    Raises:
+        NotSupported: when a stack is compiled, a joint with which no inertia moves: M has no such L.
 
     Example:
         >>> from wbc.tasks import KineticEnergy
@@ -31,6 +36,7 @@ class KineticEnergy(Task):
         super().__init__(kp=0.0, kd=kd, weight=weight, name=name)
 
     def prepare(self, model: RobotModel) -> None:
+        inertia(self.name, model)
         self.dim = model.nv
         self._half = np.tril(np.ones((model.nv, model.nv)), -1) + 0.5 * np.eye(model.nv)
 

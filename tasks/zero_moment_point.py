@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from typing import Any, ClassVar, Self, final
 
 from wbc import checks
-from wbc.errors import NotSupported
 from wbc.models.model import RobotModel
 from wbc.stack.kernel_members import KernelLinearTask
 from wbc.stack.kernel_rows import CENTRE, MOMENTUM, KernelRows
 from wbc.stack.target import vector_target
 from wbc.stack.tracking import Tracking
 
+from .required import gravity_down
 from .trajectories import Sinusoid
 
 
@@ -45,8 +45,7 @@ class ZeroMomentPoint(Tracking, KernelLinearTask):
         self.target = target
 
     def prepare(self, model: RobotModel) -> None:
-        if model.gravity[:2].any() or not model.gravity[2] < 0.0:
-            raise NotSupported(f"{self.name} needs gravity along −z, not {model.gravity.tolist()}")
+        gravity_down(self.name, model)
         self._mass, self._gravity = model.mass, model.gravity
 
     def kernel_rows(self) -> KernelRows:

@@ -14,6 +14,7 @@ import pytest
 
 import tasks as T
 import wbc
+from tests.models.builders import quietly
 from wbc.errors import InvalidInput, NotSupported, UnknownContact, UnknownFrame, UnknownJoint, UnknownName
 from wbc.models import Planar4P, PlanarPR
 
@@ -23,6 +24,17 @@ MIRROR = np.diag([1.0, 1.0, -1.0])
 EYE, ZEROS = np.eye(4), np.zeros(3)
 OBSERVER = T.MomentumObserver(gain=100.0, threshold=0.3)
 PR = PlanarPR(m1=1.0, m2=1.0, l2=0.5, d2=0.25, I2=0.1)
+
+
+def arm(change: Callable[[Any], object]) -> Any:
+    """The arm with a change in its model."""
+    model = ARM.pinocchio.copy()
+    change(model)
+    return quietly(model)
+
+
+FLOATS, TILTED = (arm(lambda model, g=g: setattr(model.gravity, "linear", np.array(g))) for g in (ZEROS, [3, 0, -9.0]))
+LIGHT = arm(lambda model: model.inertias[7].setZero())
 VELOCITY, TORQUE = wbc.VelocityLevel(), wbc.InverseDynamics()
 
 
@@ -50,7 +62,11 @@ def observing() -> T.MomentumObserver:
 
 #: What is made, words of the refusal, and its kind where it is not InvalidInput.
 REFUSED: list[tuple[Callable[[], object], str] | tuple[Callable[[], object], str, type[Exception]]] = [
-    (lambda: T.ZeroMomentPoint(target=[0.0, 0.0]).prepare(PR), "gravity along −z", NotSupported),
+    *((lambda task=task, robot=robot: task.prepare(robot), "gravity along −z", NotSupported)
+      for robot in (PR, FLOATS, TILTED)
+      for task in (T.ZeroMomentPoint(target=[0.0, 0.0]), T.CapturePoint(target=[0.0, 0.0], height=0.5))),
+    *((lambda task=task: task.prepare(LIGHT), r"M > 0, and no inertia moves with joint 'wrist_roll'$", NotSupported)
+      for task in (T.KineticEnergy(), T.Impedance("tool", target=EYE, stiffness=1.0, damping=1.0))),
     (lambda: built(T.CenterOfPressure(QUADRUPED.frame_names[-1]), T.Posture(QUADRUPED.q0), on=QUADRUPED,
                    contacts=[T.Point(QUADRUPED.frame_names[-1], friction=0.5)]), "of 3 numbers has no moments"),
     (lambda: built(T.CenterOfPressure("left_sole"), on=HUMANOID, level=VELOCITY,
