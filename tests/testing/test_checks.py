@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tasks import Damping, Frame, JointVelocityLimits, Orientation, Position, Sinusoid
+from tasks import Damping, Distance, Frame, JointVelocityLimits, Orientation, Position, RelativePosition, Sinusoid
 from wbc.errors import InvalidInput, UnknownFrame, WbcError
 from wbc.stack.task import LinearTask, Task
 from wbc.testing import CheckFailed, check_constraint, check_task, moments, robots
@@ -35,6 +35,17 @@ class Height(Task):
 
 def test_a_right_task_passes():
     check_task(Height())
+
+
+@pytest.mark.parametrize("robot", robots(), ids=str)
+def test_a_right_task_that_no_joint_moves_passes(robot: Any):
+    """Frames of one link: what moves them against each other, and what differences are, is rounding alone."""
+    model = robot.pinocchio
+    carriers = [(name, model.frames[model.getFrameId(name)].parentJoint) for name in robot.frame_names]
+    rigid = [(a, b) for a, by_a in carriers for b, by_b in carriers if a != b and by_a == by_b]
+    for frame, other in rigid[:12]:
+        check_task(RelativePosition(frame, reference=other, target=np.zeros(3)), robot)
+        check_task(Distance(frame, to=other, target=0.1), robot)
 
 
 class WrongSign(Height):

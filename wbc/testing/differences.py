@@ -9,7 +9,7 @@ import pinocchio
 
 from wbc.models.model import RobotModel
 from wbc.testing.robots import Moment
-from wbc.tolerances import ROUNDING
+from wbc.tolerances import NOISE, ROUNDING
 from wbc.types import Mat, Vec
 
 #: Step of the configuration [rad, m] and of time [s].
@@ -32,13 +32,14 @@ def in_time(read: Callable[[Moment], Vec], moment: Moment) -> Vec:
 def row_sizes(rows: Sequence[tuple[Mat, Vec]]) -> Vec:
     """What differences of each row are judged by (m,), from its Jacobian and its value at several moments.
 
-    It is the largest entry of the row, so that units far apart do not hide mistakes: 1 where that is rounding, and no
-    less than what rounding of the value can be told from along ``STEP``.
+    It is the largest entry of the row, so that units far apart do not hide mistakes: 1 where that is rounding, as where
+    no joint moves the row, and no less than what rounding of the value can be told from along ``STEP``.
     """
     J, value = (np.max([np.abs(one[i]) for one in rows], axis=0) for i in (0, 1))
     size = J.max(axis=1)
     largest = float(size.max())
-    size[size <= ROUNDING * largest] = min(largest, 1.0) or 1.0
+    largest = largest if largest > NOISE else 1.0
+    size[size <= ROUNDING * largest] = min(largest, 1.0)
     result: Vec = np.maximum(size, np.finfo(float).eps / STEP**2 * value)
     return result
 
