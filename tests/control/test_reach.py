@@ -52,6 +52,19 @@ def test_a_pose_of_some_configuration_is_reached_within_the_limits(seed: int, wh
     assert (found.q >= robot.limits.q_min - 1e-6).all() and (found.q <= robot.limits.q_max + 1e-6).all()
 
 
+@given(place=st.tuples(*[st.floats(-500.0, 500.0)] * 2), base=st.sampled_from(["planar", "rails"]))
+def test_a_base_that_slides_goes_as_far_as_it_has_to(place: tuple[float, float], base: str) -> None:
+    """Steps of half a metre are as many as metres; no answer is no reason, nor is it a target in millimetres."""
+    robot = wbc.load("arm", base="planar")
+    if base == "rails":
+        ends = np.where(np.arange(robot.nj) < 2, 600.0, np.inf)
+        limits = (np.maximum(robot.limits.q_min, -ends), np.minimum(robot.limits.q_max, ends))
+        robot = robot.replace(limits=replace(robot.limits, q_min=limits[0], q_max=limits[1]))
+    found = wbc.reach(robot, [Position("tool", target=[*place, 0.5])], attempts=1)
+    assert found.ok and found.steps <= 20, found
+    assert np.abs(pose(robot, "tool", found.q)[:2, 3] - place).max() <= 2e-5
+
+
 def test_a_point_out_of_reach_is_told_by_task_axis_and_distance() -> None:
     found = wbc.reach(ARM, [Position("tool", target=[4.0, 0.0, 0.5])], attempts=2)
     assert not found.ok and found.attempts == 2

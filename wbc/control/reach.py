@@ -26,8 +26,9 @@ from wbc.types import Index, Status, Vec
 
 #: A step is a tick of this length [s] in which tasks have to remove all of their error.
 _DT = 1e-2
-#: What a joint moves in a step at most [rad, m]: beyond it a linearised task says little.
-_STEP = 0.5
+#: What a joint moves in a step at most [rad, m]: beyond it a linearised task says little. A slide without limits, as of
+#: a planar base, carries the robot as it is; one with limits goes a share of its range at most, where that is more.
+_STEP, _OF_RANGE = 0.5, 0.25
 #: Steps shorter than this [rad, m] lead nowhere any more, nor do that many steps after the best one.
 _SHORT = 1e-5
 _PATIENCE = 10
@@ -75,10 +76,11 @@ def reach(
 ) -> Reached:  # fmt: skip
     """Find a configuration that meets the tasks of the first level; lower levels choose among such configurations.
 
-    Gauss-Newton steps, min ½ Σ w ‖J δ − e‖² under the constraints, each joint moved by 0.5 rad (m) at most, until the
-    errors are within ``tolerance``. Where the steps end elsewhere, it starts again from joint positions drawn within
-    the limits. Gains and rates of tasks and constraints do not matter, nor do limits on velocities, accelerations and
-    jerks, which a configuration has not. Rows of weight 0 ask for nothing. Targets should not move.
+    Gauss-Newton steps, min ½ Σ w ‖J δ − e‖² under the constraints, each joint moved by 0.5 rad at most, a slide by 0.5
+    m or a quarter of its range, until the errors are within ``tolerance``. Where the steps end elsewhere, it starts
+    again from joint positions drawn within the limits. Gains and rates of tasks and constraints do not matter, nor do
+    limits on velocities, accelerations and jerks, which a configuration has not. Rows of weight 0 ask for nothing.
+    Targets should not move.
 
     Args:
         robot: from :func:`wbc.load`.
@@ -203,7 +205,9 @@ class _Search:
         self._robot, self._levels, self._limits, self._tolerance = robot, levels, limits, tolerance
         self._damped, level = damped, VelocityLevel() if damped else VelocityLevel(lm_damping=0.0)
         quick = [[_quick(task) for task in level] for level in levels]
-        most = np.full(robot.nj, _STEP / _DT)
+        ranges = robot.limits.q_max - robot.limits.q_min
+        slides = np.array([unit == "m" for unit in robot.joint_units])
+        most = np.where(slides, np.fmax(_STEP, _OF_RANGE * ranges), _STEP) / _DT
         steps = _Limits("length of a step", "velocity", -most, most)
         self._controller = Controller(
             robot, Stack(quick, subject_to=[*limits, steps]), level=level,

@@ -71,13 +71,16 @@ def upright(model: RobotModel, name: str, q: Vec) -> None:
 
 
 def position(model: RobotModel, name: str, point: Vec) -> None:
-    """Points ten times farther than any frame of a robot with a fixed base is in q0 look like millimetres."""
+    """Points ten times farther than any frame of a robot with a fixed base is in q0 look like millimetres, unless it
+    slides there."""
     far = float(np.abs(point).max(initial=0.0))
     if model.nb or not far > 10.0 * _SHORT:
         return
     state = model.state()
     reach = max([_SHORT, *(float(np.linalg.norm(state.frame(frame).position)) for frame in model.frame_names)])
-    if far > 10.0 * reach:
+    slides = np.array([unit == "m" for unit in model.joint_units])
+    slide = float(np.maximum(np.abs(model.limits.q_min), np.abs(model.limits.q_max))[slides].sum())
+    if far > 10.0 * reach + slide:
         doubt(f"{name} is {point} m, more than ten times as far as {model.name} reaches: are these millimetres?")
 
 
