@@ -171,7 +171,8 @@ def test_a_joint_that_slides_is_told_in_metres(tmp_path: Path):
     assert "is read at 6.28 m, beyond its limits -1 and 1 m" in outside.sentence
     millimetres = "gripper comes in millimetres and is taken for metres"
     assert [one.scale[slide] for one in units if one.sentence == millimetres] == [1000.0]
-    assert {"every joint that turns", "every joint that slides"} <= {one.sentence.partition(" comes")[0] for one in units}
+    who = {one.sentence.partition(" comes")[0] for one in units}
+    assert {"every joint that turns", "every joint that slides"} <= who
 
 
 def test_what_torques_do_not_show_is_said():
