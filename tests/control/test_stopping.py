@@ -204,6 +204,47 @@ def test_a_state_from_which_all_joints_can_stop_together_is_safe(seed: int, tmp_
     assert count
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_a_way_to_rest_is_a_policy_that_motors_can_follow(seed: int, tmp_path: Path) -> None:
+    """Each moment by Pinocchio: one β for all joints, as large as torques allow, and no joint beyond its limit."""
+    rng = np.random.default_rng(seed)
+    robot, tau_max = arm(seed, tmp_path, share=0.9)
+    low, high, fast, dt = robot.limits.q_min, robot.limits.q_max, robot.limits.v_max, 1e-3
+    least, most = (np.where(rng.random(robot.nj) < 0.8, limit, far) for limit, far in ((low, -np.inf), (high, np.inf)))
+    least[0] = low[0]
+    limits = [JointPositionLimits(lower=least, upper=most), TorqueLimits(tau_max)]
+    stopping, data, count = stopping_of(robot, limits), robot.pinocchio.createData(), 0
+    up, down = rng.uniform(3.0, 9.0, (2, robot.nj))
+    stopping._intervals.replace("acceleration", -down, up, by_plan=True)
+    for _ in range(100):
+        q, v = rng.uniform(low, high), rng.uniform(-1.0, 1.0, robot.nj) * fast * rng.choice([1e-3, 0.1, 0.5])
+        v[rng.random(robot.nj) < 0.2] = 0.0
+        assert not stopping.is_safe(0.0, np.append(low[0] - 0.01, q[1:]), np.append(-0.01, v[1:]))
+        if not stopping.is_safe(0.0, q, v) or stopping._way is None:
+            continue
+        _, step, sizes = stopping._way
+        last = np.zeros(robot.nj)
+        for size in sizes:
+            speed, B, count = np.abs(v), np.where(v > 0.0, down, up), count + 1
+            room = np.where(v > 0.0, most - q, q - least) - 0.5 * dt * speed
+            time = max(stopping._gentle * (speed / B).max(), dt)
+            D = np.minimum(np.minimum(B, speed / dt), np.maximum(speed / time, speed**2 / 2 / room))
+            share = float((size / np.where(D > 0.0, D, 1.0)).max())
+            np.testing.assert_allclose(size, share * D, rtol=1e-9)
+            a = -np.sign(v) * size
+            tau, before, held = (np.abs(pinocchio.rnea(robot.pinocchio, data, q, v, x)) for x in (a, last, 0.0 * a))
+            allowed = np.maximum(0.9 * tau_max, 0.5 * (tau_max + held))
+            over = (tau - allowed).max()
+            assert share <= 1.0 + 1e-9 and over <= 1e-8 and (before <= 0.9 * allowed + 0.1 * tau_max + 1e-8).all()
+            assert share >= 1.0 - 1e-9 or over >= -1e-8 or not speed.any()
+            stop = np.minimum(step, speed / np.maximum(size, 1e-300))
+            end, last = v + a * stop, np.where(stop < step - 1e-9, 0.0, a)
+            q, v = q + 0.5 * (v + end) * stop, np.where(np.abs(end) < 1e-9 * speed, 0.0, end)
+            assert ((least - 1e-8 <= q) & (q <= most + 1e-8)).all()
+        assert (speed <= 2.0 * dt * size).all()
+    assert count
+
+
 def test_a_fast_arm_is_braked_while_its_motor_can_still_stop_it(tmp_path: Path) -> None:
     """One joint without gravity: with the deceleration τ / I it comes to rest at its limit, at most 15 % earlier."""
     inertia, tau_max, limit = 2.0, 3.0, 1.5

@@ -189,16 +189,6 @@ class JointIntervals:
         distance: Vec = np.minimum(up - q, down + q)
         return distance
 
-    def ahead(self, q: Vec, v: Vec) -> tuple[Vec, Vec]:
-        """Of each joint (nj,) the deceleration counted on towards the position limit ahead, and the distance to it.
-
-        A joint at rest has the farther of its limits ahead.
-        """
-        (up, down), (above, below) = self._limits["position"], self._minus_B.reshape(2, -1)
-        up, down = up - q, down + q
-        distance = np.where(v > 0.0, up, np.where(v < 0.0, down, np.maximum(up, down)))
-        return np.where(v > 0.0, -above, -below), distance
-
     def _derive(self) -> None:
         """All constants of the formulas."""
         dt = self.dt
