@@ -8,7 +8,7 @@ dynamics.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple, final
+from typing import final
 
 import numpy as np
 
@@ -16,7 +16,6 @@ from wbc.compiled import Memory
 from wbc.models.limits import finite_interval
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.compiled import stopping_kernel
-from wbc.stack.compiled.stopping_kernel import NEXT, REST
 from wbc.stack.filled import Filled
 from wbc.stack.interval import JointIntervals
 from wbc.tolerances import NEAR, SAME
@@ -31,14 +30,6 @@ _MOST_MOMENTS = 80
 _SAMPLES, _RAISED = 300, 1.25
 #: Shares of the way from braking to what was wanted below which a tick just brakes.
 _LEAST_SHARE = 0.02
-
-
-class _Way(NamedTuple):
-    """A way to rest: from when on [s], the time between its moments [s], and the decelerations (nv,) of each."""
-
-    start: float
-    step: float
-    sizes: Mat
 
 
 @final
@@ -105,8 +96,9 @@ class Stopping:
     def reset(self) -> None:
         """Nothing was decided yet."""
         self._gentle, self._share = _GENTLE[0], 1.0
-        #: The last way to rest that was found; None where decelerations that torques surely allow are enough.
-        self._way: _Way | None = None
+        #: The last way to rest that was found: from when on [s], the time between its moments [s] and the decelerations
+        #: (nv,) of each; None where decelerations that torques surely allow are enough.
+        self._way: tuple[float, float, Mat] | None = None
         self._memory.late[:] = 0.0
 
     # ---- is a state safe?
@@ -134,16 +126,16 @@ class Stopping:
         stopping_kernel.look(self._at)
         return self._memory.ahead
 
-    def _way_to_rest(self, t: float, q: Vec, v: Vec, gentle: float) -> _Way | None:
-        memory, moment, said = self._memory, self._memory.now.ravel(), NEXT
+    def _way_to_rest(self, t: float, q: Vec, v: Vec, gentle: float) -> tuple[float, float, Mat] | None:
+        memory, moment = self._memory, self._memory.now.ravel()
         memory.now[0], memory.now[1], memory.last[:] = q, v, 0.0
         memory.sizes[2], memory.numbers[1:] = 0, (gentle, 0.0)
-        while said == NEXT and memory.sizes[2] < _MOST_MOMENTS:
+        for _ in range(_MOST_MOMENTS):
             self._state.move(0.0, moment)
-            said = stopping_kernel.brake(self._at)
-        if said != REST:
-            return None
-        return _Way(t, max(memory.numbers.item(2), self._dt), memory.way[: memory.sizes[2]].copy())
+            count = stopping_kernel.brake(self._at)
+            if count:
+                return (t, max(memory.numbers.item(2), self._dt), memory.way[:count].copy()) if count > 0 else None
+        return None
 
     # ---- what a tick may decide
     def keep(self, plan: Filled, state: RobotState, solve: Callable[[], bool]) -> bool:

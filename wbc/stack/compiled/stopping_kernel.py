@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from math import copysign, floor, inf, isinf
-from typing import Annotated, Final, NamedTuple
+from typing import Annotated, NamedTuple
 
-from wbc.compiled import Layout, entry, kernel
+from wbc.compiled import Layout, entry, kernel, part
 from wbc.tolerances import HUGE, SAME
 from wbc.types import Index, Mat, Vec
 
@@ -15,10 +15,6 @@ _MARGIN = 0.05
 _BETWEEN = 0.1
 #: Moments that a way to rest has at least, and what a joint moves [rad, m] between two of them at most.
 _MOMENTS, _TURN = 10, 0.1
-#: What :func:`brake` says of a moment.
-NONE: Final = 0
-REST: Final = 1
-NEXT: Final = 2
 
 
 class Braking(NamedTuple):
@@ -51,8 +47,10 @@ LAYOUT = Layout(Braking, nj="sizes[0]")
 views = LAYOUT.views
 
 
-@kernel
-def _look(s: Braking) -> None:
+@part
+def look(at: int) -> None:
+    """Write ``ahead`` in the state ``now``. A joint at rest has the farther of its limits ahead."""
+    s = views(at)
     nj, q, v = s.sizes[0], s.now[0], s.now[1]
     for j in range(nj):
         up, down = s.limits[0, j] - q[j], s.limits[0, nj + j] + q[j]
@@ -64,13 +62,6 @@ def _look(s: Braking) -> None:
         s.ahead[0, j] = -s.limits[3, j if v[j] > 0.0 else nj + j]
         s.ahead[1, j] = min(room - 0.5 * s.numbers[0] * abs(v[j]), HUGE)  # no limit ahead is one that is out of reach
         s.ahead[2, j] = v[j] * v[j] / (2.0 * max(s.ahead[1, j], SAME))
-
-
-@entry
-def look(at: int) -> int:
-    """Write ``ahead`` in the state ``now``. A joint at rest has the farther of its limits ahead."""
-    _look(views(at))
-    return 1
 
 
 @entry
@@ -123,14 +114,15 @@ def _largest(s: Braking) -> float:
 
 @entry
 def brake(at: int) -> int:
-    """Whether the way to rest ends in ``now``, where ``M`` and ``h`` are of, or in no moment; else move to the next."""
+    """How many moments a way to rest has that ends ``now``, where ``M`` and ``h`` are of; −1 where there is none; else 0,
+    and ``now`` is the next moment."""
     s = views(at)
     nj, k, dt, q, v, slowest = s.sizes[0], s.sizes[2], s.numbers[0], s.now[0], s.now[1], 0.0
     B, room, needed = s.ahead[0], s.ahead[1], s.ahead[2]
-    _look(s)
+    look(at)
     for j in range(nj):
         if 0.5 * v[j] * v[j] > B[j] * room[j] + SAME:
-            return NONE
+            return -1
         slowest = max(slowest, abs(v[j]) / max(B[j], SAME))
     time = max(slowest * s.numbers[1], dt)
     for j in range(nj):
@@ -138,7 +130,7 @@ def brake(at: int) -> int:
         s.D[j] = copysign(min(B[j], speed / dt, max(speed / time, needed[j])), v[j])
     share = _largest(s)
     if share < 0.0:
-        return NONE
+        return -1
     rests, longest, fastest = True, 0.0, 0.0
     for j in range(nj):
         speed, size = abs(v[j]), abs(share * s.D[j])
@@ -148,9 +140,9 @@ def brake(at: int) -> int:
         stops = speed <= 2.0 * dt * size and 0.5 * speed * speed <= size * room[j] + SAME
         rests = rests and stops and s.spare[j] > 0.0 and s.spare[j] >= s.kept[j] - SAME
         longest, fastest = max(longest, speed / size if size > 0.0 else 0.0), max(fastest, speed)
-    s.sizes[2] = k + 1
+    s.sizes[2] += 1
     if rests:
-        return REST
+        return int(s.sizes[2])
     if k == 0:
         s.numbers[2] = dt * max(1.0, floor(min(longest / _MOMENTS, _TURN / max(fastest, SAME)) / dt))
     for j in range(nj):
@@ -160,9 +152,9 @@ def brake(at: int) -> int:
         stop = min(stop, s.numbers[2])
         turn = (v[j] + 0.5 * a * stop) * stop
         if abs(turn) > room[j] + 0.5 * dt * speed + SAME:
-            return NONE
+            return -1
         q[j] += turn
         v[j] += a * stop
         if abs(v[j]) <= SAME * speed:
             v[j] = 0.0  # else rounding would give it a direction
-    return NEXT
+    return 0
