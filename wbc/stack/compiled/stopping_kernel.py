@@ -114,8 +114,8 @@ def _largest(s: Braking) -> float:
 
 @entry
 def brake(at: int) -> int:
-    """How many moments a way to rest has that ends ``now``, where ``M`` and ``h`` are of; −1 where there is none; else 0,
-    and ``now`` is the next moment."""
+    """How many moments a way to rest has that ends ``now``, where ``M`` and ``h`` are of; −1: there is none; 0: it goes
+    on, and ``now`` is the next moment."""
     s = views(at)
     nj, k, dt, q, v, slowest = s.sizes[0], s.sizes[2], s.numbers[0], s.now[0], s.now[1], 0.0
     B, room, needed = s.ahead[0], s.ahead[1], s.ahead[2]
