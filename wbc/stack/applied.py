@@ -21,8 +21,8 @@ from wbc.tolerances import ROUNDING
 from wbc.types import Mat, Vec, read_only
 
 Said = Sequence[tuple[str, Overrides]]
-#: The parts of overrides that bounds on joints are made of.
-_OF_BOUNDS = (*QUANTITIES, "lifted", "motors")
+#: The parts of overrides that bounds on joints and normal forces are made of.
+_OF_BOUNDS = (*QUANTITIES, "lifted", "motors", "normal_limits", "normal_floors")
 _Bounds = tuple[Vec, Vec]
 
 
@@ -45,6 +45,8 @@ class Applied:
         self.intervals = intervals
         #: The bounds (nj,) of the stack, by quantity.
         self._own = {quantity: intervals.bounds(quantity) for quantity in QUANTITIES}
+        #: Those of this tick.
+        self._in_force = dict(self._own)
         intervals.seal()
         self._torque = intervals.bounds("torque")
         #: Bounds on the torques (lower, upper), (nj,) each.
@@ -75,46 +77,54 @@ class Applied:
         if len(said) == len(self.said) and all(one[1] is two[1] for one, two in zip(said, self.said, strict=True)):
             return
         self._binding.refresh()  # overrides are tried on what users assigned
+        made_of = [getattr(overrides, what) for _, overrides in said for what in _OF_BOUNDS]
+        is_same = len(made_of) == len(self._made_of) and all(map(is_, made_of, self._made_of))
         motors: dict[int, Motor] = {}
         settings: Mapping[str, Mapping[str, Any]] = {}
         tried: Tried = []
         for name, overrides in said:
-            motors |= self._checked_motors(name, overrides)
+            motors |= {} if is_same else self._checked_motors(name, overrides)
             if overrides.tasks:
                 settings, tried = self._tried_settings(name, settings, overrides)
+        actuators = self.actuators if is_same or motors == self._motors else self._moved(motors)
+        bounds = {} if is_same else self._bounds(said, actuators)
+        normals = (self._limits, self._floors) if is_same else self._normals(said)
+        bias, inertia = self._added(said)
+        # Nothing is refused any more.
+        self.said, self._bias[:], self.inertia = said, bias, inertia
+        self._binding.override(settings, tried)
+        if is_same:
+            return
+        self._made_of, self._motors, self.actuators = made_of, motors, actuators
+        for quantity, pair in bounds.items():
+            former, self._in_force[quantity] = self._in_force[quantity], pair
+            if pair is former or all(map(np.array_equal, pair, former)):
+                continue
+            if quantity == "torque":
+                self._torque[0][:], self._torque[1][:] = pair
+            else:
+                self.intervals.replace(quantity, *pair, by_plan=True)
+        self._limits[:], self._floors[:] = normals
+        self.version += 1
+
+    def _moved(self, motors: Mapping[int, Motor]) -> Actuators:
         share, offset = np.ones(self._model.nj), np.zeros(self._model.nj)
         for joint, motor in motors.items():
             share[joint], offset[joint] = motor
-        made_of = [getattr(overrides, what) for _, overrides in said for what in _OF_BOUNDS]
-        is_same = len(made_of) == len(self._made_of) and all(map(is_, made_of, self._made_of))
-        bounds = {} if is_same else self._bounds(said, share, offset)
-        limits, floors = self._normals(said)
-        bias, inertia = self._added(said)
-        # Nothing is refused any more.
-        self.said, self._made_of = said, made_of
-        self._binding.override(settings, tried)
-        for now, new in zip(self._torque, bounds.pop("torque", self._torque), strict=True):
-            now[:] = new
-        for quantity, pair in bounds.items():
-            if not all(map(np.array_equal, pair, self.intervals.bounds(quantity))):
-                self.intervals.replace(quantity, *pair, by_plan=True)
-        self._limits[:], self._floors[:], self._bias[:], self.inertia = limits, floors, bias, inertia
-        self.version += 1
-        if motors != self._motors:
-            self._motors, self.actuators = motors, Actuators(share, offset)
+        return Actuators(share, offset)
 
     # ---- bounds on joints
-    def _bounds(self, said: Said, share: Vec, offset: Vec) -> dict[str, _Bounds]:
+    def _bounds(self, said: Said, motors: Actuators) -> dict[str, _Bounds]:
         """The bounds of this tick, by quantity."""
         own = dict(self._own)
-        if self._level.dynamics:
-            own["torque"] = low, high = _given(*self._own["torque"], share, offset)
+        if self._level.dynamics and not motors.is_sound:
+            own["torque"] = low, high = _given(*self._own["torque"], motors.share, motors.offset)
             crossed = low > high
             if crossed.any():
                 joint = int(crossed.argmax())
                 name = next(name for name, overrides in reversed(said) if joint in overrides.motors)
                 refuse_bounds(self._model, f"{name}.motors", "torque", low, high)
-        else:
+        if not self._level.dynamics:
             for name, overrides in said:
                 if overrides.torque is not None or "torque" in overrides.lifted:
                     raise NotSupported(f"{name} overrides torques, which the {self._level.name} does not decide")

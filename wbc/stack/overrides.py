@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple, final
 
 import numpy as np
@@ -51,17 +51,18 @@ class Actuators:
         self.share, self.offset = read_only(share), read_only(offset)
         gives = self.share > 0.0
         self._inverse = np.divide(1.0, self.share, out=np.zeros_like(self.share), where=gives)
-        self._is_sound = bool((self.share == 1.0).all() and (self.offset == 0.0).all())
+        #: Whether all are.
+        self.is_sound = bool((self.share == 1.0).all() and (self.offset == 0.0).all())
 
     def command(self, tau: Vec) -> Vec:
         """u (nj,) that gives the torques ``tau`` (nj,); the same array where all motors are sound."""
-        if self._is_sound:
+        if self.is_sound:
             return tau
         return read_only((tau + self.offset) * self._inverse)
 
     def torque(self, command: Vec) -> Vec:
         """τ (nj,) that ``command`` (nj,) gives; the same array where all motors are sound."""
-        return command if self._is_sound else self.share * command - self.offset
+        return command if self.is_sound else self.share * command - self.offset
 
 
 @final
@@ -131,16 +132,15 @@ class Overrides(metaclass=TellsArguments):
 
     def __post_init__(self) -> None:
         """Copies: what is written later into an array that was given does not reach the plan."""
-        for one in fields(self):
-            value = getattr(self, one.name)
-            if one.name in _MAPPINGS:
+        given = self.__dict__
+        for name, value in given.items():
+            if name in _MAPPINGS:
                 if type(value) is not _Values:
-                    object.__setattr__(self, one.name, _frozen(one.name, value))
-            elif one.name in QUANTITIES:
-                if value is not None:
-                    object.__setattr__(self, one.name, _bounds(one.name, value))
+                    given[name] = _frozen(name, value)
+            elif value is not None and name in QUANTITIES:
+                given[name] = _bounds(name, value)
             elif isinstance(value, np.ndarray) and value.flags.writeable:
-                object.__setattr__(self, one.name, read_only(value.copy()))
+                given[name] = read_only(value.copy())
 
 
 def _frozen(name: str, value: Any) -> Mapping[Any, Any]:

@@ -57,7 +57,7 @@ class Plan(Filled):
     """
 
     __slots__ = (
-        "_bound", "_by_speed", "_call", "_called", "_failure", "_force_weights", "_joint_weights",
+        "_bound", "_by_speed", "_call", "_called", "_cones", "_failure", "_force_weights", "_joint_weights",
         "_own_normals", "_place", "_pressing", "_qp", "_shares", "_stamp", "_version", "anchors", "damping",
         "force_scale", "stopping",
     )  # fmt: skip
@@ -160,6 +160,7 @@ class Plan(Filled):
         lower, upper = p.range_bounds()
         self.torque_range = lower[: model.nj], upper[: model.nj]
         self._version, self._own_normals = -1, np.zeros((2, len(presses)))
+        self._cones = {block: p.G[block.cone, block.unknowns].copy() for block in layout.contacts}
         self._force_weights = np.concatenate(
             [np.full(block.dim, block.member.force_weight) for block in layout.contacts] or [np.zeros(0)]
         )  # fmt: skip
@@ -231,17 +232,18 @@ class Plan(Filled):
         self.damping.in_metric.base[:] = joints
         self.damping.read_weights()
         share(self._shares.address)
-        contacts = layout.contacts if p.unit != unit else self._changed(layout.contacts, since)
-        if layout.nf and contacts:
-            forces = self._force_weights + eps
-            p.scale[nv : nv + layout.nf] = np.sqrt(p.unit / forces)
+        contacts = self._changed(layout.contacts, since) if layout.nf else []
+        for block in contacts:  # constant rows K f <= 0, on the scaled forces
+            with explained(f"{block.name}.cone"):
+                self._cones[block][:] = block.member.cone()
+            p.upper[p.item(block.cone.start) : p.item(block.cone.stop)] = 0.0
+        if contacts or (layout.nf and p.unit != unit):
+            p.scale[nv : nv + layout.nf] = np.sqrt(p.unit / (self._force_weights + eps))
             self.force_scale = p.scale[nv : nv + layout.nf].copy()
-            for block in contacts:  # constant rows K f <= 0, on the scaled forces
-                with explained(f"{block.name}.cone"):
-                    p.G[block.cone, block.unknowns] = block.member.cone() * p.scale[block.unknowns]
-                p.upper[p.item(block.cone.start) : p.item(block.cone.stop)] = 0.0
-            pressing = [block.member for block in layout.contacts if not block.member.bilateral]
-            for contact, bounds in zip(pressing, self._own_normals.T, strict=True):
+            for block, cone in self._cones.items():
+                p.G[block.cone, block.unknowns] = cone * p.scale[block.unknowns]
+            pressing = [block.member for block in layout.contacts if contacts and not block.member.bilateral]
+            for contact, bounds in zip(pressing, self._own_normals.T, strict=False):
                 with explained(f"bounds on the force of {contact.name}"):
                     bounds[0] = -np.inf if contact.f_min is None else contact.f_min
                     bounds[1] = np.inf if contact.f_max is None else contact.f_max
