@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import nan
+from math import hypot, nan
 from typing import NamedTuple, final
 
 import numpy as np
@@ -80,10 +80,8 @@ def active(controller: Solving) -> list[Active]:
 
 def norms(units: Sequence[str], values: Vec) -> dict[str, float]:
     """The Euclidean norm of the values (dim,) of each unit that rows have."""
-    return {
-        unit: float(np.linalg.norm([x for x, own in zip(values, units, strict=True) if own == unit]))
-        for unit in dict.fromkeys(units)
-    }
+    pairs = [*zip(values.tolist(), units, strict=True)]
+    return {unit: hypot(*(x for x, own in pairs if own == unit)) for unit in dict.fromkeys(units)}
 
 
 def units(problem: RowProblem) -> dict[str, str]:

@@ -326,11 +326,11 @@ class Recorder(metaclass=TellsArguments):
         elif i == self.capacity:
             self._full.append(self._memory)
             self._memory, i = np.empty_like(self._memory), 0
-        values = {name: self._checked(name, value) for name, value in row.items()}
-        self._memory[i] = np.nan
-        for name, value in values.items():
-            self._memory[i, self._place[name]] = value
-        self.rows += 1
+        numbers = self._memory[i]
+        numbers[:] = np.nan
+        for name, value in row.items():
+            numbers[self._place[name]] = self._checked(name, value)
+        self.rows += 1  # a row that is refused half-way does not count
 
     def run(self, meta: Mapping[str, Any] | None = None) -> Run:
         """The rows so far as a :class:`Run`; the recorder may go on, and another thread may be recording meanwhile.
@@ -374,9 +374,9 @@ class Recorder(metaclass=TellsArguments):
         if name not in self._place:
             raise UnknownColumn(name, self._place, "columns are fixed by the first row")
         place = self._place[name]
-        wanted = (place.stop - place.start,) if isinstance(place, slice) else ()
+        wanted = (place.stop - place.start,) if type(place) is slice else ()
         try:
-            result = np.asarray(value, dtype=np.float64)
+            result = np.asarray(value, np.float64)
         except (TypeError, ValueError, OverflowError) as cause:
             raise InvalidInput(f"column {name!r} must hold numbers, not {checks.shown(value)}") from cause
         if result.shape != wanted:

@@ -81,7 +81,7 @@ class Ticks:
             row["tau"] = command.tau
             row |= {f"f.{name}": wrench for name, wrench in command.f.items()}
         row |= {f"error.{name}": error for name, error in controller.plan.errors().items()}
-        row |= self._shares() | self._active()
+        row |= self._shares() | self._active(row["active"])
         far = distances(controller.plan.problem, proof.bounds)
         row |= {f"distance.{name}": far.get(name, np.nan) for name in self._sizes}
         for name, (barrier, margin) in controller.plan.margins().items():
@@ -145,10 +145,10 @@ class Ticks:
                 found[f"residual.{name}"], found[f"cost.{name}"] = sizes, share.cost
         return found
 
-    def _active(self) -> dict[str, Vec]:
+    def _active(self, count: int) -> dict[str, Vec]:
         """The dearest active rows, as numbers of :attr:`active_rows`, with their bounds and multipliers."""
         kept = np.full((3, RECORDED_ROWS), np.nan)
-        if self.controller.active_count:
+        if count:
             for k, one in enumerate(active(self.controller)[:RECORDED_ROWS]):
                 key = one.row.owner, one.row.label, one.row.unit, "upper" if one.upper else "lower"
                 kept[:, k] = self.active_rows.setdefault(key, len(self.active_rows)), one.bound, one.multiplier
