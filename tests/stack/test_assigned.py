@@ -9,7 +9,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import wbc
-from tasks import CenterOfMass, ContactForce, JointVelocityLimits, Orientation, Point, Position, Posture, Sinusoid
+from tasks import (
+    CenterOfMass,
+    ContactForce,
+    JointVelocityLimits,
+    Orientation,
+    Point,
+    Position,
+    Posture,
+    Sinusoid,
+    TorqueLimits,
+)
 from tests.stack.conftest import Saying
 
 QUADRUPED = wbc.load("quadruped")
@@ -42,7 +52,7 @@ def members() -> dict[str, Any]:
 
 def stack_of(made: dict[str, Any], components: list[Any]) -> wbc.Stack:
     tasks = [made[name] for name in ("centre", "posture", "other", "force", "speeds")]
-    limits = [made["exactly"], made["within"]]
+    limits = [made["exactly"], made["within"], TorqueLimits(), JointVelocityLimits()]
     return wbc.Stack(tasks, contacts=[made[foot] for foot in FEET[1:]], subject_to=limits, components=components)
 
 
@@ -65,10 +75,20 @@ SETTINGS: list[tuple[list[str], str, list[Any]]] = [
 choices = st.one_of(
     st.tuples(st.sampled_from(names), st.just(what), st.sampled_from(values)) for names, what, values in SETTINGS
 )
-overridden = st.sampled_from(
-    [None, {"Posture": {"weight": 7.0}}, {"CenterOfMass": {"kp": 9.0, "target": CENTRE - 0.1}}, {"other": {"kd": 1.0}}]
-)
-steps = st.lists(st.tuples(st.lists(choices, max_size=5), overridden), min_size=1, max_size=4)
+#: Parts of overrides, which are the same objects in several ticks, and not only equal ones.
+PARTS: dict[str, list[Any]] = {
+    "tasks": [
+        {"Posture": {"weight": 7.0}}, {"CenterOfMass": {"kp": 9.0, "target": CENTRE - 0.1}}, {"other": {"kd": 1.0}}
+    ],
+    "torque": [(-30.0, 30.0), wbc.Overrides(torque=(-20.0, 25.0)).torque],
+    "velocity": [(-2.0, 2.0), (0.5, 1.0), wbc.Overrides(velocity=(-3.0, 1.0)).velocity],
+    "motors": [wbc.Overrides(motors={1: wbc.Motor(share), 4: wbc.Motor(0.5, 1.0)}).motors for share in (0.0, 0.7)],
+    "lifted": [{"torque": [0, 1]}, wbc.Overrides(lifted={"velocity": [2], "torque": [4]}).lifted],
+    "normal_limits": [{FEET[1]: 40.0}, wbc.Overrides(normal_limits={FEET[2]: 60.0}).normal_limits],
+    "bias": [np.linspace(-1.0, 1.0, QUADRUPED.nv)],
+}  # fmt: skip
+overridden = st.fixed_dictionaries({}, optional={what: st.sampled_from(said) for what, said in PARTS.items()})
+steps = st.lists(st.tuples(st.lists(choices, max_size=5), overridden), min_size=1, max_size=5)
 
 
 @given(steps)
@@ -82,16 +102,21 @@ def test_what_is_assigned_and_overridden_is_what_a_new_controller_is_made_with(t
         for name, what, value in now:
             setattr(made[name], what, value)
         assigned += now
-        saying.now = None if said is None else wbc.Overrides(tasks=said)
+        saying.now = wbc.Overrides(**said) if said else None
         controller.tick(1e-3 * k, q, v)
         fresh, also = members(), Saying(saying.now)
         for name, what, value in assigned:
             setattr(fresh[name], what, value)
         other = wbc.Controller(QUADRUPED, stack_of(fresh, [also]), level=level)
         other.tick(1e-3 * k, q, v)
+        assert controller.has_problem == other.has_problem == (said.get("velocity") != (0.5, 1.0))  # it allows no rest
+        if not other.has_problem:
+            continue
         for what in ("H", "g", "A", "b", "C", "cl", "cu", "lb", "ub"):
             mine, expected = (getattr(one.plan.qp, what) for one in (controller, other))
             np.testing.assert_allclose(mine, expected, rtol=1e-9, atol=1e-9, err_msg=what)
+        motors, sent = other.plan.actuators, np.linspace(1.0, 9.0, QUADRUPED.nj)
+        np.testing.assert_array_equal(controller.plan.actuators.command(sent), motors.command(sent))
 
 
 def test_a_target_that_raises_when_it_is_asked_for_fails_every_tick_until_there_is_another() -> None:
