@@ -85,8 +85,9 @@ class JointTask(Task):
         self.convert = joints_target(model, full, self._chosen, model.q0[-model.nj :])
         self.convert_rate = joints_target(model, model.nj, self._chosen)
 
-    def _as_constraint(self) -> Task:
-        return self if self.joints is None else _Chosen(self)
+    def _as_constraint(self, model: RobotModel) -> Task:
+        self.prepare(model)
+        return self if self._chosen is None else _Chosen(self, self._chosen, model)
 
 
 @final
@@ -95,29 +96,22 @@ class _Chosen(Task):
 
     unknown_row = UnknownJoint
 
-    def __init__(self, task: JointTask) -> None:
+    def __init__(self, task: JointTask, chosen: Index, model: RobotModel) -> None:
         super().__init__(name=task.name)
-        self.task = task
-
-    def prepare(self, model: RobotModel) -> None:
-        self.task.prepare(model)
-        chosen = self.task._chosen
-        assert chosen is not None, "a task on all joints is a constraint as it is"
-        self._of, self.dim = chosen, len(chosen)
-        self.units = tuple(self.task.unit(int(i)) for i in chosen)
-        self.labels = tuple(self.task.label(int(i)) for i in chosen)
+        self._task, self._of, self.dim = task, chosen, len(chosen)
+        self.units = tuple(task.unit(int(i)) for i in chosen)
+        self.labels = tuple(task.label(int(i)) for i in chosen)
         self._J, self._all = np.eye(model.nv)[model.nb :][chosen], TaskRows()
-        for array in ("e", "rate_ref", "acc_ref"):
-            setattr(self._all, array, np.zeros(model.nj))
+        self._all.e, self._all.rate_ref, self._all.acc_ref = np.zeros((3, model.nj))
 
     def gains(self) -> tuple[Vec, Vec, Vec]:
-        kp, kd, rate = self.task.gains()
+        kp, kd, rate = self._task.gains()
         return kp[self._of], kd[self._of], rate[self._of]
 
     def fill(self, state: RobotState, out: TaskRows) -> None:
         rows = self._all
         rows.rate_ref[:], rows.acc_ref[:] = 0.0, 0.0
-        self.task.fill(state, rows)
+        self._task.fill(state, rows)
         out.e[:], out.J[:], out.drift[:] = rows.e[self._of], self._J, 0.0
         out.rate_ref[:], out.acc_ref[:] = rows.rate_ref[self._of], rows.acc_ref[self._of]
 

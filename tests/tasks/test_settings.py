@@ -395,6 +395,20 @@ def test_an_override_reaches_the_task_and_not_a_constraint_on_one_called_the_sam
     assert (task.weight, limit.task.weight) == (7.0, 1.0)
 
 
+@pytest.mark.parametrize("made", ["exactly", "within", "with_reaction"])
+def test_the_task_of_a_constraint_is_the_one_that_it_was_made_of(made: str) -> None:
+    task = Posture([0.4], joints=[ARM.joint_names[1]])
+    one = task.within(0.5) if made == "within" else getattr(task, made)()
+    assert one.task is task
+    with pytest.raises(InvalidInput, match="task is read once and cannot be assigned"):
+        one.task = Posture(TARGET)
+
+
+def test_the_constraint_of_a_soft_one_cannot_be_assigned() -> None:
+    with pytest.raises(InvalidInput, match="constraint is read once and cannot be assigned"):
+        JointVelocityLimits().softly().constraint = JointVelocityLimits()
+
+
 def test_gains_that_follow_from_something_else_cannot_be_assigned() -> None:
     guided = JointAdmittance(ARM.q0, inertia=0.5, damping=4.0, stiffness=1.0)
     geared = Posture([0.4], joints=[ARM.joint_names[1]]).with_reaction(name="gear")

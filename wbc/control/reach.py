@@ -168,7 +168,7 @@ def _quick(member: Any) -> Any:
     if isinstance(member, Task | Barrier):
         member.rate = 1.0 / _DT
     if isinstance(task := getattr(member, "__dict__", {}).get("task"), Task):  # what it is made of
-        member.task = _quick(task)
+        member.__dict__["task"] = _quick(task)
     return member
 
 

@@ -105,7 +105,7 @@ def refuse_crossed(name: str, lower: Vec, upper: Vec) -> None:
 def says_of(member: Any) -> Any:
     """What writes the rows of a member."""
     member = member.constraint if isinstance(member, Softly) else member
-    return member.task if isinstance(member, Exactly) else member
+    return member.says if isinstance(member, Exactly) else member
 
 
 @final

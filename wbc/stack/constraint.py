@@ -197,6 +197,8 @@ class Softly(Objective):
           subject to: JointVelocityLimits
     """
 
+    read_once = frozenset({"constraint"})
+
     def __init__(self, constraint: Constraint, *, weight: Any = 1.0, name: str | None = None) -> None:
         self.constraint = constraint
         super().__init__(name=name or f"{constraint.name} softly", weight=weight)

@@ -398,7 +398,7 @@ class Binding:
             tie = next((tie for tie in self._ties.values() if tie.own.name == name), None)
             if tie is None:
                 raise UnknownName(name, [tie.own.name for tie in self._ties.values()], "an override speaks of a task")
-            while isinstance(task := getattr(tie.own, "task", None), Member) and task.name == name:
+            if isinstance(task := getattr(tie.own, "task", None), Member) and task.name == name:
                 tie = self._tie_of[id(task)]
             trial = copy(tie.own)
             trial.__dict__.update(tie.base or {})

@@ -9,6 +9,7 @@ import numpy as np
 
 from wbc import checks
 from wbc.errors import InvalidInput, UnknownName
+from wbc.models.model import RobotModel
 from wbc.stack.by_name import ByName
 from wbc.stack.member import Member, setting
 from wbc.types import Vec, read_only
@@ -84,6 +85,11 @@ class Objective(Member):
         """Weight or gain of rows of which none was given; NaN where it follows from another gain."""
         default = getattr(type(self), f"_{what}", None)
         return np.nan if default is None else float(default)
+
+    def _as_constraint(self, model: RobotModel) -> Any:
+        """Prepare the task; returns what writes the rows of a constraint that it is made."""
+        self.prepare(model)
+        return self
 
     def own_rows(self, values: Vec) -> Vec:
         """Of numbers (dim,), one for each row, those of rows that are none of the task's are zero."""

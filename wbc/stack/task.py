@@ -87,18 +87,14 @@ class Task(Objective):
     def fill(self, state: RobotState, out: TaskRows) -> None:
         """Write e and J (and drift, rate_ref, acc_ref) for this state. Pure: filled twice, same bits."""
 
-    def _as_constraint(self) -> Task:
-        """The rows that hold where the task is a constraint."""
-        return self
-
     def exactly(self, *, name: str | None = None) -> Exactly:
         """The same task as a constraint: its rows hold exactly, above every weight."""
-        return Exactly(self._as_constraint(), name=name)
+        return Exactly(self, name=name)
 
     def with_reaction(self, *, force_weight: float = 0.0, name: str | None = None) -> Reaction:
         """The same task as a part of the mechanism, for ``contacts``: its rows hold exactly, by a force that the
         dynamics know and ``command.f`` gives. See :class:`Reaction`."""
-        return Reaction(self._as_constraint(), force_weight=force_weight, name=name)
+        return Reaction(self, force_weight=force_weight, name=name)
 
     def within(
         self, lower: Any, upper: Any = None, *, rate: float = 10.0, slack: float | None = None, name: str | None = None
@@ -109,7 +105,7 @@ class Task(Objective):
         :class:`~wbc.stack.constraint.Barrier` has them, infinite bounds are none. See
         :class:`Within`.
         """
-        return Within(self._as_constraint(), lower, upper, rate=rate, slack=slack, name=name)
+        return Within(self, lower, upper, rate=rate, slack=slack, name=name)
 
     def scaled(self) -> Self:
         """A copy of the task that keeps its direction and is slowed where limits are active (``is_scaled``).
@@ -127,12 +123,20 @@ class Task(Objective):
 class Exactly(Member):
     """A task turned into a constraint (an equality); made by ``task.exactly()``, used in ``subject_to``."""
 
+    read_once = frozenset({"task"})
+    _says: Any = None
+
     def __init__(self, task: Task | LinearTask, *, name: str | None = None) -> None:
         self.task = task
         self._name = name or f"{task.name} exactly"
 
+    @property
+    def says(self) -> Any:
+        """What writes the rows."""
+        return self._says or self.task
+
     def prepare(self, model: RobotModel) -> None:
-        self.task.prepare(model)
+        self._says = self.task._as_constraint(model)
 
 
 @final
@@ -155,6 +159,9 @@ class Within(Barrier):
         CenterOfMass within
     """
 
+    read_once = frozenset({"task"})
+    _says: Task
+
     def __init__(
         self, task: Task, lower: Any, upper: Any = None, *, rate: float = 10.0, slack: float | None = None,
         name: str | None = None,
@@ -170,8 +177,7 @@ class Within(Barrier):
         )
 
     def prepare(self, model: RobotModel) -> None:
-        task = self.task
-        task.prepare(model)
+        task = self._says = self.task._as_constraint(model)
         lower, upper = (
             checks.each(f"{self.name}.{which}", bound, task.dim, finite=False)
             for which, bound in zip(("lower", "upper"), self._given, strict=True)
@@ -202,7 +208,7 @@ class Within(Barrier):
     def fill(self, state: RobotState, out: BarrierRows) -> None:
         rows, row, sign = self._out, self._row, self._sign
         rows.rate_ref[:], rows.acc_ref[:] = 0.0, 0.0
-        self.task.fill(state, rows)
+        self._says.fill(state, rows)
         out.h[:] = sign * rows.e[row] + self._bound
         out.J[:] = -sign[:, None] * rows.J[row]
         out.rate[:] = sign * rows.rate_ref[row]
@@ -210,7 +216,7 @@ class Within(Barrier):
 
     def kernel_rows(self) -> KernelRows | None:
         """Those of the task, where it has some."""
-        return kernel_rows_of(self.task)
+        return kernel_rows_of(self._says)
 
     def picked(self) -> tuple[TaskRows, Index, Vec, Vec]:
         """What the task writes, and of each row of the barrier (dim,) its row i there, and s and b of h = s eᵢ + b."""
@@ -218,7 +224,7 @@ class Within(Barrier):
 
     def label(self, row: int) -> str:
         """The row of the task, and which bound it is."""
-        return f"{self.task.label(int(self._row[row]))} {'>=' if self._sign[row] > 0 else '<='}".strip()
+        return f"{self._says.label(int(self._row[row]))} {'>=' if self._sign[row] > 0 else '<='}".strip()
 
 
 @final
@@ -237,8 +243,9 @@ class Reaction(Contact):
     """
 
     bilateral = True
-    #: Its task has them.
-    read_once = frozenset({"kp", "kd", "target"})
+    #: Its task has gains and a target.
+    read_once = frozenset({"kp", "kd", "target", "task"})
+    _says: Task
 
     def __init__(self, task: Task, *, force_weight: float = 0.0, name: str | None = None) -> None:
         self.task = task
@@ -246,13 +253,13 @@ class Reaction(Contact):
         super().__init__(task.name, friction=1.0, force_weight=force_weight, name=name or task.name)
 
     def prepare(self, model: RobotModel) -> None:
-        self.task.prepare(model)
-        self.dim = self.task.dim
-        self._joints = np.eye(model.nv)[model.nb :] if self.task.on_joints else None
+        self._says = self.task._as_constraint(model)
+        self.dim = self._says.dim
+        self._joints = np.eye(model.nv)[model.nb :] if self._says.on_joints else None
 
     def gains(self) -> tuple[Any, Any, Any]:
         """Those of the task."""
-        return self.task.gains()
+        return self._says.gains()
 
     def anchor(self, state: RobotState) -> Anchor:
         del state  # the target of the task says where
@@ -260,13 +267,13 @@ class Reaction(Contact):
 
     def kernel_rows(self) -> KernelRows | None:
         """Those of the task, where it has some."""
-        return kernel_rows_of(self.task)
+        return kernel_rows_of(self._says)
 
     def fill(self, state: RobotState, anchor: Anchor, out: TaskRows) -> None:
         del anchor
         if self._joints is not None:
             out.J[:], out.drift[:] = self._joints, 0.0
-        self.task.fill(state, out)
+        self._says.fill(state, out)
 
     def cone(self) -> Mat:
         return np.zeros((0, self.dim))
@@ -275,11 +282,11 @@ class Reaction(Contact):
         return []
 
     def motion_units(self) -> list[str]:
-        return [self.task.unit(i) for i in range(self.dim)]
+        return [self._says.unit(i) for i in range(self.dim)]
 
     def motion_labels(self) -> Sequence[str]:
         """The task's."""
-        return [self.task.label(i) for i in range(self.dim)]
+        return [self._says.label(i) for i in range(self.dim)]
 
     def force_labels(self) -> list[tuple[str, str]]:
         """The task's rows, in the unit whose product with theirs is an energy."""
