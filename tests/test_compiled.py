@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import ast
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -54,6 +57,46 @@ def test_wherever_machine_code_is_kept_it_is_of_the_sources_as_they_are(monkeypa
     kernel, other = (locator(f, f.__code__.co_filename) for f in (linear.factor.py_func, package))
     assert kernel.get_source_stamp()[-1] == digest(Path(linear.__file__))
     assert other.get_source_stamp() == compiled._stamp_of_file(other)
+
+
+def test_machine_code_of_other_types_or_of_a_version_before_is_not_taken(monkeypatch: Any, tmp_path: Path) -> None:
+    """As where a disk fills up, or another process writes, between the index and what it speaks of."""
+
+    def kept(version: bytes) -> Any:
+        locator = caching.InTreeCacheLocator(linear.factor.py_func, linear.__file__)
+        monkeypatch.setattr(compiled, "digest", lambda _: version)
+        return caching.IndexDataCacheFile(str(tmp_path), "factor", locator.get_source_stamp())
+
+    def full(*_: object) -> None:
+        raise OSError("No space left on device")
+
+    kept(b"old").save("floats", "machine code")
+    assert kept(b"old").load("floats") == "machine code"
+    monkeypatch.setattr(caching.IndexDataCacheFile, "_save_data", full)
+    for version, types in ((b"new", "floats"), (b"old", "integers")):
+        with pytest.raises(OSError):
+            kept(version).save(types, "other machine code")
+        assert kept(version).load(types) is None
+
+
+def imported(folder: Path, most: int | None = None) -> dict[str, int]:
+    """Sizes of the files of a kernel that a process keeps there, where no file may be larger than ``most`` bytes."""
+    quota = "" if most is None else f"import resource\nresource.setrlimit(resource.RLIMIT_FSIZE, ({most}, {most}))\n"
+    code, where = f"{quota}import wbc.control.compiled.measured_kernel", {**os.environ, "NUMBA_CACHE_DIR": str(folder)}
+    subprocess.run([sys.executable, "-B", "-c", code], check=True, env=where)
+    return {path.name: path.stat().st_size for path in folder.rglob("*.nb?")}
+
+
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is kept then")
+def test_what_cannot_be_kept_or_read_is_compiled(tmp_path: Path) -> None:
+    """A quota of 2 kB leaves room for the index of a kernel and none for its machine code."""
+    assert {name[-3:] for name in imported(tmp_path, 2048)} == {"nbi"}
+    assert not imported(tmp_path / "other", 0)
+    whole = imported(tmp_path)
+    for path in tmp_path.rglob("*.nb?"):
+        os.truncate(path, path.stat().st_size // 2)
+    anew = imported(tmp_path)
+    assert anew.keys() == whole.keys() and all(anew[name] > size // 2 for name, size in whole.items())
 
 
 def test_kernels_take_in_nothing_that_their_machine_code_is_not_compared_with():

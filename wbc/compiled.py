@@ -5,7 +5,8 @@ them costs more than what the kernel does. Addresses are safe here because the m
 :class:`Memory` keeps the arrays it has taken the addresses of.
 
 Machine code is kept on disk, beside the sources or where numba finds a folder that may be written. Numba looks at the
-file of a kernel, not at the files of the kernels it has taken in: :func:`digest` is of all of them.
+file of a kernel, not at the files of the kernels it has taken in: :func:`digest` is of all of them. What cannot be read
+there is compiled, and what cannot be written is not kept.
 """
 
 from __future__ import annotations
@@ -13,13 +14,15 @@ from __future__ import annotations
 import ctypes
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import cache, cached_property
 from hashlib import sha256
 from inspect import get_annotations
 from math import prod
 from pathlib import Path
-from typing import Any, Generic, TypeVar, cast, final, get_type_hints
+from pickle import UnpicklingError
+from typing import Any, Generic, NamedTuple, TypeVar, cast, final, get_type_hints
 
 import numba
 import numpy as np
@@ -222,15 +225,78 @@ def digest(source: Path, package: Path = _PACKAGE) -> bytes:
     return sha256(b"".join([text, *others, *(digest(one, package) for one in kernels)])).digest()
 
 
-def _stamp(locator: Any) -> Any:
+@final
+class _Stamp(NamedTuple):
     """What kept machine code must agree with, in whatever folder it is."""
-    source, of_file = Path(locator._py_file), _stamp_of_file(locator)
-    return (of_file, digest(source)) if _PACKAGE in source.parents else of_file
+
+    of_file: Any
+    of_all: bytes
+
+
+def _stamp(locator: Any) -> Any:
+    of_file = _stamp_of_file(locator)
+    return _Stamp(of_file, digest(Path(locator._py_file))) if _is_ours(locator._py_file) else of_file
 
 
 _LOCATOR: Any = caching._SourceFileBackedLocatorMixin
 _stamp_of_file = _LOCATOR.get_source_stamp
 _LOCATOR.get_source_stamp = _stamp
+
+
+_FILE: Any = caching.IndexDataCacheFile
+
+
+class _Checked(_FILE):  # type: ignore[misc]
+    """Machine code with what it is of. The index is written before it, and numbers files: where another process writes
+    meanwhile, or the disk is full, it can speak of code of other types, or of a version before."""
+
+    def save(self, key: Any, data: Any) -> None:
+        super().save(key, (self._source_stamp, key, data) if isinstance(self._source_stamp, _Stamp) else data)
+
+    def load(self, key: Any) -> Any:
+        found = super().load(key)
+        if found is None or not isinstance(self._source_stamp, _Stamp):
+            return found
+        *of, data = found
+        return data if of == [self._source_stamp, key] else None
+
+
+vars(caching)["IndexDataCacheFile"] = _Checked
+
+
+def _is_ours(source: str) -> bool:
+    return _PACKAGE in Path(source).parents
+
+
+def _ensure_folder(locator: Any) -> None:
+    """Numba's own, but where nobody has a home: there it would make a folder called ~ in that of the process."""
+    if _is_ours(locator._py_file) and locator.get_cache_path().startswith("~"):
+        raise FileNotFoundError("there is no home")
+    _make_folder(locator)
+
+
+_LOCATORS: Any = caching._CacheLocator
+_make_folder = _LOCATORS.ensure_cache_path
+_LOCATORS.ensure_cache_path = _ensure_folder
+
+
+@contextmanager
+def _or_none(cache: Any) -> Iterator[None]:
+    """Around what numba reads and writes of one kernel: a full disk, or a file that is broken, leaves it compiled."""
+    try:
+        with _guard(cache):
+            yield
+    except (OSError, EOFError, UnpicklingError) as cause:
+        if not _is_ours(cache._py_func.__code__.co_filename):
+            raise
+        if not isinstance(cause, OSError):
+            with suppress(OSError):
+                cache.flush()  # else the broken file would stay
+
+
+_CACHE: Any = caching.Cache
+_guard = _CACHE._guard_against_spurious_io_errors
+_CACHE._guard_against_spurious_io_errors = _or_none
 
 
 def _pointer(kind: Any, c_kind: Any) -> Any:
