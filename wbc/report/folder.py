@@ -6,12 +6,12 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from wbc.control.recorder import ARRAYS_FILE
 from wbc.errors import InvalidInput
-from wbc.files import located, refused
+from wbc.files import located, made_folder, refused, written
 from wbc.report.document import Report
 from wbc.report.html import html
 from wbc.report.markdown import markdown, picture_path
@@ -23,18 +23,18 @@ RECORDS = (ARRAYS_FILE, DATA, RESULTS)
 
 
 def write(report: Report, folder: Path) -> None:
-    """Write ``report.html``, ``report.md``, and ``figures/`` into an existing folder.
+    """Write ``report.html``, ``report.md``, and ``figures/`` into an existing folder, all of them or none.
 
     Raises:
         InvalidInput: they cannot be written there.
     """
-    with refused(folder):
-        for figure in report.figures:
-            path = folder / picture_path(figure)
-            path.parent.mkdir(exist_ok=True)
-            path.write_bytes(figure.data)
-        (folder / MARKDOWN).write_text(markdown(report), encoding="utf-8")
-        (folder / HTML).write_text(html(report), encoding="utf-8")
+    files = {picture_path(figure): figure.data for figure in report.figures}
+    files |= {MARKDOWN: markdown(report).encode(), HTML: html(report).encode()}
+    with ExitStack() as all_whole:
+        for name, data in files.items():
+            made_folder((folder / name).parent)
+            with refused(folder / name):
+                all_whole.enter_context(written(folder / name)).write_bytes(data)
 
 
 @contextmanager

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import isfinite
@@ -20,7 +19,7 @@ from wbc.report import measure
 from wbc.report.build import require_extras, run_report
 from wbc.report.folder import HTML, replaced, write
 from wbc.report.kept import keep_obstacles, keep_sections, kept_obstacles, kept_sections
-from wbc.report.markdown import FIGURES
+from wbc.report.markdown import FIGURES, picture_path
 from wbc.report.shapes import check_kinds, described
 from wbc.sim.provenance import machine, versions
 from wbc.sim.scenario import Check, Place, Progress, ScenarioResult, failed_first, silent
@@ -108,9 +107,12 @@ def report_again(
         sections=kept_sections(target), obstacles=kept_obstacles(target),
     )  # fmt: skip
     report = run_report(result, progress=progress)
-    if (target / HTML).is_file():
-        shutil.rmtree(target / FIGURES, ignore_errors=True)  # those of the report before
+    before = [*(target / FIGURES).iterdir()] if (target / HTML).is_file() and (target / FIGURES).is_dir() else []
     write(report, target)
+    shown = {target / picture_path(figure) for figure in report.figures}
+    for path in before:
+        if path not in shown:  # a picture of the report before
+            path.unlink(missing_ok=True)
     return target / HTML, drawn
 
 
