@@ -22,7 +22,7 @@ from inspect import get_annotations
 from math import prod
 from pathlib import Path
 from pickle import UnpicklingError
-from typing import Any, Generic, NamedTuple, TypeVar, cast, final, get_type_hints
+from typing import Any, Generic, TypeVar, cast, final, get_type_hints
 
 import numba
 import numpy as np
@@ -225,17 +225,10 @@ def digest(source: Path, package: Path = _PACKAGE) -> bytes:
     return sha256(b"".join([text, *others, *(digest(one, package) for one in kernels)])).digest()
 
 
-@final
-class _Stamp(NamedTuple):
-    """What kept machine code must agree with, in whatever folder it is."""
-
-    of_file: Any
-    of_all: bytes
-
-
 def _stamp(locator: Any) -> Any:
+    """What kept machine code must agree with, in whatever folder it is."""
     of_file = _stamp_of_file(locator)
-    return _Stamp(of_file, digest(Path(locator._py_file))) if _is_ours(locator._py_file) else of_file
+    return (of_file, digest(Path(locator._py_file))) if _is_ours(locator._py_file) else of_file
 
 
 _LOCATOR: Any = caching._SourceFileBackedLocatorMixin
@@ -250,12 +243,17 @@ class _Checked(_FILE):  # type: ignore[misc]
     """Machine code with what it is of. The index is written before it, and numbers files: where another process writes
     meanwhile, or the disk is full, it can speak of code of other types, or of a version before."""
 
+    @property
+    def _is_ours(self) -> bool:
+        stamp = self._source_stamp
+        return isinstance(stamp, tuple) and isinstance(stamp[-1], bytes)
+
     def save(self, key: Any, data: Any) -> None:
-        super().save(key, (self._source_stamp, key, data) if isinstance(self._source_stamp, _Stamp) else data)
+        super().save(key, (self._source_stamp, key, data) if self._is_ours else data)
 
     def load(self, key: Any) -> Any:
         found = super().load(key)
-        if found is None or not isinstance(self._source_stamp, _Stamp):
+        if found is None or not self._is_ours:
             return found
         *of, data = found
         return data if of == [self._source_stamp, key] else None
@@ -286,7 +284,7 @@ def _or_none(cache: Any) -> Iterator[None]:
     try:
         with _guard(cache):
             yield
-    except (OSError, EOFError, UnpicklingError) as cause:
+    except (OSError, EOFError, UnpicklingError, AttributeError, ImportError, IndexError) as cause:
         if not _is_ours(cache._py_func.__code__.co_filename):
             raise
         if not isinstance(cause, OSError):

@@ -75,6 +75,27 @@ def test_a_log_of_a_run_that_begins_before_zero_counts_from_its_beginning(tmp_pa
     }
 
 
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("rows", [[0], [5, 6], [59], range(60)])
+def test_a_time_that_is_not_finite_is_taken_from_those_beside_it(rows: list[int], bad: float, tmp_path: Path) -> None:
+    pytest.importorskip("mcap")
+    run = reaching_run()
+    t = run["t"].copy()
+    t[rows] = bad
+    wanted = dict(enumerate(round(1e9 * time) for time in run["t"]))
+    path = to_mcap(Run({**run.columns, "t": t}, run.meta), tmp_path / "run.mcap", robot=load("arm"))
+    told = [time for time, _ in messages(path)["/tick"]]
+    assert told == sorted(told) and len(told) == 60
+    assert all(told[k] == wanted[k] for k in set(wanted) - set(rows))
+
+
+def test_a_time_that_the_format_cannot_tell_is_refused(tmp_path: Path) -> None:
+    pytest.importorskip("mcap")
+    run = reaching_run()
+    with pytest.raises(InvalidInput, match="an MCAP log counts at most"):
+        to_mcap(Run({**run.columns, "t": run["t"] * 1e12}, run.meta), tmp_path / "run.mcap")
+
+
 def test_gaps_are_null_and_active_rows_have_names(logged):
     assert logged["/tick"][7][1]["distance.CenterOfMass"] is None
     name = "TorqueLimits: left_knee, upper"

@@ -13,6 +13,7 @@ from wbc import checks
 from wbc.control.table import numbers, table
 from wbc.errors import InvalidInput
 from wbc.report.marks import Mark, marks
+from wbc.report.measure import clock
 from wbc.report.motion import Motion, motion, quaternions
 from wbc.report.replay import BUDGET
 from wbc.report.shapes import Part, parts, thinned
@@ -78,7 +79,7 @@ def log(run: Run, robot: RobotModel | None) -> Log:
     }
     if all(column in run for column in ACTIVE) and run.meta.get("active_rows"):
         series["active"] = _active(run)
-    times = np.asarray(run["t"], dtype=np.float64)
+    times = clock(run)
     status = np.asarray(table(run, run.meta).get(STATUS, np.full(run.rows, "")), dtype=str)
     solid = [] if robot is None else thinned(parts(robot), BUDGET)
     if robot is None or not solid:

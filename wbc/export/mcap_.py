@@ -13,9 +13,11 @@ import numpy as np
 
 from wbc import __version__, checks
 from wbc.control.recorder import Run
+from wbc.errors import InvalidInput
 from wbc.export.logs import TICK, Log, Series, log
 from wbc.files import written
 from wbc.report.marks import Mark
+from wbc.report.measure import clock
 from wbc.report.shapes import Part, check_kinds
 from wbc.sim.scenario import Progress, silent
 from wbc.types import Vec
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
 WORLD = "world"
 SHAFT, HEAD = 0.012, 0.03  # diameters of an arrow [m]
 POINT = 0.04  # of a point [m]
+LATEST = 1.8e10  # what 64 bits of nanoseconds can tell [s]
 
 
 def to_mcap(
@@ -37,18 +40,21 @@ def to_mcap(
     tick; what is one number is in ``/tick``, with the name of the status, and ``/active`` has the multiplier of each
     row that was active. The scene is ``/tf`` (foxglove.FrameTransforms), ``/robot`` and ``/marks``
     (foxglove.SceneUpdate). Times are those of the run, in nanoseconds; those of a run that begins before 0, which the
-    format does not have, count from its beginning.
+    format does not have, count from its beginning. A tick whose time is not finite has one between those beside it.
 
     Raises:
         NotSupported: the package mcap is not installed.
-        InvalidInput: a run without ticks, or a place that cannot be written.
+        InvalidInput: a run without ticks, times of centuries, or a place that cannot be written.
     """
     check_kinds(run, robot)
     checks.packages("an MCAP log", "mcap", extra="export")
     from mcap.writer import Writer
 
-    before = float(np.min(run["t"], initial=0.0))
-    content = log(run if before == 0.0 else Run({**run.columns, "t": run["t"] - before}, run.meta), robot)
+    t = clock(run)
+    t = t - min(t.min(initial=0.0), 0.0)
+    if t.max(initial=0.0) > LATEST:
+        raise InvalidInput(f"the run has a tick {t.max():.3g} s from 0; an MCAP log counts at most {LATEST:.3g} s")
+    content = log(Run({**run.columns, "t": t}, run.meta), robot)
     with written(path) as aside, aside.open("wb") as file:
         writer: Any = Writer(file)
         writer.start(profile="", library=f"wbc {__version__}")

@@ -133,7 +133,7 @@ class _Pictures:
             for link, (position, rotation) in moving.links.items()
         }
         self._marks = [mark for mark in marks(moving, robot) if not mark.hidden]
-        self._strained, self._start = strained(run, robot), float(run["t"][0])
+        self._strained, self._start = strained(run, robot), float(measure.clock(run)[0])
         self._at, extent = _middles(moving, solid)
         far = camera.distance or 1.45 * extent * max(1.0, size[1] / size[0])
         angles = np.array([camera.azimuth, camera.elevation, far])

@@ -48,9 +48,19 @@ class ContactTrack(NamedTuple):
     cop: Vec | None
 
 
+def clock(run: Run) -> Vec:
+    """Time of each row (N,) [s] as it was given; where that is no finite number, one between those of its neighbours,
+    and without any the periods from 0."""
+    t, rows = np.asarray(run.columns["t"], dtype=np.float64), np.arange(len(run.columns["t"]))
+    known = np.isfinite(t)
+    if known.all():
+        return t
+    return np.interp(rows, rows[known], t[known]) if known.any() else np.multiply(rows, float(run.meta.get("dt", 1.0)))
+
+
 def times(run: Run) -> Vec:
     """Time of each row (N,) [s], from 0."""
-    t = np.asarray(run.columns["t"], dtype=np.float64)
+    t = clock(run)
     return t - t[0] if t.size else t
 
 

@@ -103,7 +103,7 @@ def motion(
             for task, (about, axes) in aims.items():
                 targets[task][i] = state.frame(about).position if about else state.com
                 targets[task][i, list(axes)] += run[f"error.{task}"][row, list(axes.values())]
-    t = np.asarray(run["t"], dtype=np.float64)[rows]
+    t = measure.clock(run)[rows]
     for name, obstacle in standing.items():
         poses = [obstacle.at(float(time)) for time in t]
         places[name] = np.array([p.translation for p in poses]), np.array([p.rotation for p in poses])
@@ -144,7 +144,7 @@ def hull(corners: Mat) -> Mat | None:
 
     try:
         return np.asarray(corners[ConvexHull(corners[:, :2]).vertices]) if len(corners) > 2 else None
-    except QhullError:
+    except (QhullError, ValueError):  # flat, or not finite
         return None
 
 

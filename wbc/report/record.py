@@ -77,7 +77,7 @@ def save_report(
     target = located(folder)
     with replaced(target, ARRAYS_FILE) as pending:
         report = run_report(replace(judged(run, robot), obstacles=around))
-        keep_obstacles(around, run["t"], pending)
+        keep_obstacles(around, measure.clock(run), pending)
         run.save(pending)
         write(report, pending)
     return target / HTML
@@ -126,7 +126,7 @@ def write_run(result: ScenarioResult, folder: Path, *, progress: Progress = sile
     keep_sections(result.sections, folder)
     if run.rows:
         longest = max((run, *result.beside.values()), key=lambda one: one.rows)
-        keep_obstacles(result.obstacles, longest["t"], folder)
+        keep_obstacles(result.obstacles, measure.clock(longest), folder)
     run.meta |= judgement(result)
     if result.beside:
         run.meta |= {CALLED: result.called, BESIDE: {name: str(k) for k, name in enumerate(result.beside, 1)}}

@@ -191,6 +191,7 @@
       width: Math.max(box.clientWidth, 200), height: spec.strips.length ? 40 + 28 * spec.strips.length : 190,
       scales: {
         x: { time: false, distr: spec.log.includes("x") ? 3 : 1, range: (u, low, high) => {
+          if (spec.time && first === final) return [first, first + clock.step];  // of one tick
           if (low === first && high === final) { low = Math.min(low, ...across); high = Math.max(high, ...across); }
           return spec.log.includes("x") && !spec.dots ? uPlot.rangeLog(low, high, 10, false) : [low, high];
         } },
