@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from errno import ENOSPC
 from pathlib import Path
 
 import pytest
@@ -28,12 +29,19 @@ def test_nothing_is_left_when_the_block_fails(tmp_path: Path, error: type[BaseEx
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a full disk to write to")
 @pytest.mark.parametrize("page", [HTML, MARKDOWN])
-def test_a_full_disk_is_told_with_the_place(tmp_path: Path, page: str):
-    (tmp_path / page).symlink_to("/dev/full")
-    with pytest.raises(InvalidInput, match=f"{tmp_path} cannot be written: No space left"):
+def test_a_full_disk_is_told_with_the_place(tmp_path: Path, page: str, monkeypatch: pytest.MonkeyPatch):
+    writing = Path.write_bytes
+
+    def full(path: Path, data: bytes) -> int:
+        if path.suffix == Path(page).suffix:
+            raise OSError(ENOSPC, "No space left on device")
+        return writing(path, data)
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(InvalidInput, match=f"{tmp_path / page} cannot be written: No space left"):
         write(Report("t", "s", None, []), tmp_path)
+    assert not list(tmp_path.iterdir())
 
 
 def test_an_older_report_is_replaced_whole(tmp_path: Path):

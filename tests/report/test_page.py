@@ -76,6 +76,16 @@ def test_the_page_asks_nobody_and_makes_no_error(tab: Browser, page: Path):
     assert all(address == page.as_uri() or address.startswith(("data:", "about:")) for address in tab.requests)
 
 
+@pytest.mark.parametrize("rows", [1, 2])
+def test_the_axis_of_time_of_a_short_run_is_as_long_as_the_run(chromium: Browser, rows: int, tmp_path: Path) -> None:
+    write(run_report(result_of(standing_run(rows), load("humanoid"))), tmp_path)
+    chromium.errors.clear()
+    chromium.open(tmp_path / "report.html")
+    of_time = "report.plots.filter(p => report.data.plots[p.box.dataset.plot].time).map(p => p.u.scales.x.max)"
+    longest = chromium.run(of_time)
+    assert longest and max(longest) <= 0.01 * rows + 1e-12 and chromium.errors == []
+
+
 def test_a_run_that_failed_is_opened_where_it_did(chromium: Browser, page: Path):
     chromium.open(page)
     assert chromium.run("report.clock.t") == pytest.approx(0.5)

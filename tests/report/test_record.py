@@ -60,6 +60,28 @@ def test_a_report_made_again_is_the_same_and_leaves_the_record_alone(tmp_path: P
     assert not (folder / "figures" / "old.svg").exists()
 
 
+@pytest.mark.parametrize("error", [KeyboardInterrupt, OSError("No space left on device")])
+def test_a_report_that_is_made_again_and_interrupted_stays_as_it_was(
+    error: type[BaseException] | BaseException, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "r"
+    save_report(standing_run(), folder, robot=wbc.load("humanoid"))
+    (folder / "report.html").write_text("the report before")
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    writing = Path.write_bytes
+
+    def stopped(path: Path, data: bytes) -> int:
+        if path.suffix == ".html":
+            raise error
+        return writing(path, data)
+
+    monkeypatch.setattr(Path, "write_bytes", stopped)
+    monkeypatch.setattr(Path, "write_text", lambda path, text, **_: stopped(path, text.encode()))
+    with pytest.raises((KeyboardInterrupt, InvalidInput)):
+        report_again(folder)
+    assert before == {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
 def test_a_run_saved_without_a_report_gets_one(tmp_path: Path):
     folder = reaching_run().save(tmp_path / "r")
     (folder / "notes.txt").write_text("mine")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import partial
 from pathlib import Path
 
@@ -83,6 +84,30 @@ def test_variations_without_meaning_are_refused(text: str):
         read_variations(find(FLIP), [text])
 
 
+@pytest.mark.parametrize(
+    ("texts", "said"),
+    [
+        (["bias=2:1"], "--vary bias: the range 2:1 runs backwards; write 1:2"),
+        (["faces=2.2:2.8"], "--vary faces: the range 2.2:2.8 holds no whole number"),
+        (["bias=0.1,0.2,0.1"], "--vary bias: 0.1 is given 2 times; all values are equally likely"),
+        (["bias=0:1", "bias=0.5"], "--vary bias is given twice; give all its values, or one range"),
+    ],
+)
+def test_what_is_wrong_with_a_range_is_said_in_a_sentence(texts: list[str], said: str) -> None:
+    with pytest.raises(InvalidInput, match=f"^{re.escape(said)}$"):
+        read_variations(find(FLIP), texts)
+
+
+@given(st.floats(-5.0, 5.0), st.floats(0.0, 5.0), st.integers(0, 99))
+def test_a_whole_number_is_drawn_within_its_range(low: float, width: float, seed: int) -> None:
+    try:
+        drawn = Range(low, low + width, whole=True).draw(np.random.default_rng(seed))
+    except InvalidInput:
+        assert not [k for k in range(-6, 12) if low <= k <= low + width]
+    else:
+        assert isinstance(drawn, int) and low <= drawn <= low + width
+
+
 @pytest.mark.parametrize("values", ["0.1-0.4", "0.1:0.2:0.3", "0.1,b", "0.1..0.4"])
 def test_a_variation_of_another_form_is_told_the_forms(values: str):
     with pytest.raises(InvalidInput, match=r"must be a number, not .*; --vary takes bias=LOW:HIGH or bias=a,b,c"):
@@ -92,7 +117,8 @@ def test_a_variation_of_another_form_is_told_the_forms(values: str):
 @pytest.mark.parametrize(
     "settings",
     [
-        {"runs": 0}, {"seed": -1}, {"vary": {"height": Range(0, 1)}}, {"fixed": {"height": 1}}, {"solvers": ("no",)},
+        {"runs": 0}, {"runs": 1.5}, {"seed": -1}, {"seed": 0.5}, {"solvers": ("pdas", "pdas")},
+        {"vary": {"height": Range(0, 1)}}, {"fixed": {"height": 1}}, {"solvers": ("no",)},
         {"vary": {"bias": Range(0, 1)}, "fixed": {"bias": 0.5}},
         {"hierarchies": ("no",)}, {"plant": "no"}, {"duration": 0.0},
     ],

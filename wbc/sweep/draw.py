@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from math import ceil, floor
 from typing import Any, final
 
 import numpy as np
@@ -21,7 +23,7 @@ class Range:
     """A number, every one from ``low`` to ``high`` equally likely; a whole one where ``whole``.
 
     Raises:
-        InvalidInput: bounds that are not finite, or crossed.
+        InvalidInput: bounds that are not finite, or crossed, or without a whole number between them where it is to be.
 
     Example:
         >>> import numpy as np
@@ -35,13 +37,16 @@ class Range:
     whole: bool = False
 
     def __post_init__(self) -> None:
-        checks.number("low", self.low)
-        checks.number("high", self.high, low=self.low)
+        low, high = checks.number("low", self.low), checks.number("high", self.high)
+        if low > high:
+            raise InvalidInput(f"the range {self} runs backwards; write {high:g}:{low:g}")
+        if self.whole and ceil(low) > floor(high):
+            raise InvalidInput(f"the range {self} holds no whole number")
 
     def draw(self, rng: np.random.Generator) -> float | int:
         """One number."""
         if self.whole:
-            return int(rng.integers(int(self.low), int(self.high), endpoint=True))
+            return int(rng.integers(ceil(self.low), floor(self.high), endpoint=True))
         return float(rng.uniform(self.low, self.high))
 
     def __str__(self) -> str:
@@ -54,7 +59,7 @@ class Choice:
     """One of ``values``, all equally likely.
 
     Raises:
-        InvalidInput: there is none.
+        InvalidInput: there is none, or one is there twice.
     """
 
     values: tuple[Any, ...]
@@ -62,6 +67,10 @@ class Choice:
     def __post_init__(self) -> None:
         if not self.values:
             raise InvalidInput("a choice needs at least one value")
+        told = [repr(value) for value in self.values]
+        for value in told:
+            if told.count(value) > 1:
+                raise InvalidInput(f"{value} is given {told.count(value)} times; all values are equally likely")
 
     def draw(self, rng: np.random.Generator) -> Any:
         """One value."""
@@ -74,6 +83,15 @@ class Choice:
 Drawn = Range | Choice
 
 
+@contextmanager
+def about(name: str) -> Iterator[None]:
+    """A refusal says what it is about."""
+    try:
+        yield
+    except InvalidInput as refusal:
+        raise InvalidInput(f"{name}: {refusal}" if name not in str(refusal) else str(refusal)) from None
+
+
 def read_range(name: str, text: str) -> Range:
     """``LOW:HIGH``, or one number that is always drawn.
 
@@ -81,8 +99,8 @@ def read_range(name: str, text: str) -> Range:
         InvalidInput: neither.
     """
     low, colon, high = text.partition(":")
-    first = checks.typed(name, low)
-    return Range(first, checks.typed(name, high, low=first) if colon else first)
+    with about(name):
+        return Range(first := checks.typed(name, low), checks.typed(name, high) if colon else first)
 
 
 class DrawnDisturbance(ABC):

@@ -14,7 +14,7 @@ from wbc.errors import InvalidInput
 from wbc.qp.solvers import by_name
 from wbc.sim.disturbance import Disturbance
 from wbc.sim.scenario import Scenario, UnknownParameter, absolute, check_consent, find
-from wbc.sweep.draw import CODEC, Choice, Drawn, DrawnDisturbance, Range
+from wbc.sweep.draw import CODEC, Choice, Drawn, DrawnDisturbance, Range, about
 
 #: A scenario's parameter of this name gets a number of its own in every run.
 SEED = "seed"
@@ -72,8 +72,9 @@ class Sweep:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "scenario", absolute(self.scenario))  # workers run in other folders
-        checks.number("runs", self.runs, low=1)
-        checks.number("seed", self.seed, low=0)
+        if checks.number("runs", self.runs, low=1) != int(self.runs):
+            raise InvalidInput(f"runs is {self.runs!r}; it must be a whole number")
+        checks.seed("seed", self.seed)
         for name, value in self.vary.items():
             if not isinstance(value, Drawn):
                 raise InvalidInput(f"vary[{name!r}] is {value!r}; it must be a Range or a Choice")
@@ -86,6 +87,9 @@ class Sweep:
                 raise UnknownParameter(key, scenario.parameters)
             if key in self.vary and key in self.fixed:
                 raise InvalidInput(f"parameter {key!r} is drawn and set; give one of --vary and --set, vary and fixed")
+        for what, names in (("solvers", self.solvers), ("hierarchies", self.hierarchies or ("",))):
+            with about(what):
+                Choice(tuple(names))
         for solver in self.solvers:
             by_name(solver)
         for hierarchy in self.hierarchies or (None,):
@@ -169,12 +173,16 @@ def read_variations(scenario: Scenario, texts: Iterable[str]) -> dict[str, Drawn
             raise InvalidInput(f"--vary {text!r} must be key=LOW:HIGH or key=a,b,c")
         if key not in scenario.parameters:
             raise UnknownParameter(key, scenario.parameters)
+        if key in found:
+            raise InvalidInput(f"--vary {key} is given twice; give all its values, or one range")
         number = re.fullmatch(r"([^:,]+):([^:,]+)", values)
         if number is None:
             try:
-                found[key] = Choice(tuple(scenario.parse([f"{key}={value}"])[key] for value in values.split(",")))
+                several = tuple(scenario.parse([f"{key}={value}"])[key] for value in values.split(","))
             except InvalidInput as refusal:
                 raise InvalidInput(f"{refusal}; --vary takes {key}=LOW:HIGH or {key}=a,b,c") from None
+            with about(f"--vary {key}"):
+                found[key] = Choice(several)
             continue
         whole = isinstance(scenario.parameters[key], int) and not isinstance(scenario.parameters[key], bool)
         low, high = (checks.typed(f"--vary {key}", bound) for bound in number.groups())
@@ -182,5 +190,6 @@ def read_variations(scenario: Scenario, texts: Iterable[str]) -> dict[str, Drawn
             raise InvalidInput(f"--vary {key} is no number: give its values, separated by commas")
         if isinstance(scenario.parameters[key], str):  # such as a force that may be "auto"
             scenario.parse([f"{key}={low}"])
-        found[key] = Range(low, high, whole)
+        with about(f"--vary {key}"):
+            found[key] = Range(low, high, whole)
     return found
