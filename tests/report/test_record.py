@@ -66,7 +66,8 @@ def test_a_report_that_is_made_again_and_interrupted_stays_as_it_was(
 ) -> None:
     folder = tmp_path / "r"
     save_report(standing_run(), folder, robot=wbc.load("humanoid"))
-    (folder / "report.html").write_text("the report before")
+    for path in (folder / "report.html", folder / "report.md", *(folder / "figures").iterdir()):
+        path.write_text("of the report before")
     before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
     writing = Path.write_bytes
 
