@@ -71,7 +71,7 @@ class Status(Enum):
     INFEASIBLE = "the rows contradict each other: no point meets them all; loosen or drop one"
     UNBOUNDED = "the cost has no minimum; add a posture or damping task"
     MAX_ITERATIONS = "the iteration limit came first; raise it or choose another solver"
-    INACCURATE = "the solver reported success but the certificate fails; tighten its tolerances"
+    INACCURATE = "no answer could be certified; bring the sizes of weights and rows nearer, or take another solver"
     FAILED = "a row is not finite, numbers broke down, or a member of the stack failed: controller.why says which"
     INVALID_STATE = "the state was not finite or not plausible"
 

@@ -6,6 +6,7 @@ import importlib.util
 import re
 import sys
 import tomllib
+from collections.abc import Callable
 from dataclasses import FrozenInstanceError, dataclass, fields
 from pathlib import Path
 from typing import Any, final
@@ -13,6 +14,8 @@ from typing import Any, final
 import numpy as np
 import pytest
 
+import wbc
+from tasks import JointVelocityLimits, Posture
 from tests.families.qps import FAMILIES, problem
 from tests.qp.zoo import random_qp, sequence
 from wbc.errors import InvalidProblem, SolverMissing, UnknownSolver, WbcError
@@ -60,6 +63,65 @@ class SpySession(Session):
     def _solve(self, qp: QP) -> Answer:
         self.spy.seen.append(qp)
         return self.spy.answer or Answer.none(qp.shape, Status.FAILED)
+
+
+@final
+@dataclass(frozen=True)
+class Returns(Solver):
+    """Returns whatever it is told to."""
+
+    made: Callable[[QP], Any]
+    name = "mine"
+
+    def open(self, shape: Shape) -> Session:
+        session = SpySession(self, shape)  # type: ignore[arg-type]
+        session._solve = self.made  # type: ignore[method-assign]
+        return session
+
+
+def with_part(which: str, change: Callable[[np.ndarray], Any]) -> Callable[[QP], Any]:
+    """An answer of zeros with one part changed."""
+
+    def made(qp: QP) -> Answer:
+        sizes = {"x": qp.n, "y": len(qp.b), "z": len(qp.cl), "z_box": qp.n}
+        parts: dict[str, Any] = {name: np.zeros(size) for name, size in sizes.items()}
+        return Answer(Status.SOLVED, **(parts | {which: change(parts[which])}))
+
+    return made
+
+
+ODD = {
+    "None": lambda part: None, "long": lambda part: np.append(part, 0.0), "a column": lambda part: part[:, None],
+    "complex": lambda part: part + 1j, "text": lambda part: "abc", "a number": lambda part: 1.0,
+}  # fmt: skip
+NO_ANSWERS: dict[str, Callable[[QP], Any]] = {
+    "None": lambda qp: None, "a pair": lambda qp: (np.zeros(qp.n), 1),
+    "a status of another kind": lambda qp: Answer("optimal", *(4 * [np.zeros(qp.n)])),  # type: ignore[arg-type]
+    "no status": lambda qp: Answer(None, *(4 * [np.zeros(qp.n)])),  # type: ignore[arg-type]
+    "failed": lambda qp: Answer(Status.FAILED, *(4 * [None])),  # type: ignore[arg-type]
+    "infeasible": lambda qp: Answer(Status.INFEASIBLE, *(4 * [None])),  # type: ignore[arg-type]
+    **{f"{which} {how}": with_part(which, change) for which in ("x", "y", "z", "z_box") for how, change in ODD.items()},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("made", NO_ANSWERS.values(), ids=NO_ANSWERS)
+def test_what_is_no_answer_is_told_by_the_name_of_the_solver(made: Callable[[QP], Any]) -> None:
+    qp = QP(np.eye(2), [-1.0, 0.0], A=[[1.0, 1.0]], b=[1.0], C=[[1.0, 0.0]], cl=[0.0], cu=[0.5], lb=[-1.0, -1.0])
+    found = solve(qp, Returns(made))
+    assert found.status is Status.FAILED and found.x.shape == (2,)
+    assert found.reason.startswith("solver 'mine' returned ")
+    robot = wbc.load("arm")
+    stack = wbc.Stack([Posture(robot.q0 + 0.1)], subject_to=[JointVelocityLimits()])
+    controller = wbc.Controller(robot, stack, level=wbc.VelocityLevel(), solver=Returns(made))
+    assert controller.tick(0.0, robot.q0, np.zeros(robot.nv)).fallback_level == "other solver"
+    assert controller.why.startswith("solver 'mine' returned ")
+
+
+@pytest.mark.parametrize("kind", [list, np.float32])
+def test_numbers_of_another_kind_are_an_answer(kind: Any) -> None:
+    qp = QP(np.eye(2), [0.0, 0.0])
+    as_given = with_part("x", lambda x: x.tolist() if kind is list else x.astype(kind))
+    assert solve(qp, Returns(as_given)).status is Status.SOLVED
 
 
 class Scripted(KeptSession):

@@ -138,6 +138,7 @@ class Solving:
     def _solves(self) -> bool:
         try:
             self.status = self.answering.solve()
+            self.why = self.why or self.answering.fault
         except Exception as cause:  # a back end may raise anything, and a robot still needs a command
             self.why = f"solver {self._solver.name!r} raised {type(cause).__name__}: {cause}"
             self.status = Status.FAILED

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import final
+from typing import Any, final
 
 import numpy as np
 
+from wbc import checks
 from wbc.qp.certificate import TOLERANCE, Certificate, certificate
 from wbc.qp.problem import QP, Shape
 from wbc.types import Status, Vec
@@ -30,6 +31,31 @@ class Answer:
         """No answer: NaN everywhere."""
         x, y, z, z_box = (np.full(size, np.nan) for size in (shape.n, shape.n_eq, shape.n_in, shape.n))
         return cls(status, x, y, z, z_box, iterations)
+
+    @classmethod
+    def checked(cls, given: Any, shape: Shape) -> tuple[Answer, str]:
+        """What a back end returned, as an answer to a problem of this shape, and what is wrong with it; where anything
+        is, there is no answer."""
+        if not isinstance(given, cls):
+            return cls.none(shape, Status.FAILED), f"{checks.shown(given)}, no wbc.qp.solver.Answer"
+        status: Any = given.status
+        if not isinstance(status, Status):
+            return cls.none(shape, Status.FAILED), f"the status {checks.shown(status)}, no wbc.Status"
+        none = cls.none(shape, Status.FAILED if status.ok else status)
+        for name, size in (("x", shape.n), ("y", shape.n_eq), ("z", shape.n_in), ("z_box", shape.n)):
+            value = getattr(given, name)
+            if type(value) is not np.ndarray or value.dtype != np.float64:
+                try:
+                    value = checks.floats(value)
+                except Exception:  # a conversion may raise whatever it likes
+                    return none, f"{name} = {checks.shown(value)}, no array of numbers"
+                setattr(given, name, value)
+            if value.shape != (size,):
+                return none, f"{name} of shape {value.shape}, not ({size},)"
+        for name in ("iterations", "build_time"):
+            if not isinstance(getattr(given, name), int | float | np.number):
+                return none, f"{name} = {checks.shown(getattr(given, name))}, no number"
+        return given, ""
 
     def certificate(self, qp: QP, tolerance: float = TOLERANCE) -> Certificate:
         """The certificate of this answer, recomputed from the data of ``qp``."""

@@ -32,13 +32,14 @@ _NEAR = 1e-2
 class Session(ABC):
     """Memory of one solver for QPs of one shape: workspace, warm start, and ``counts`` of guesses, where it guesses.
 
-    ``own`` is the certificate of the back end's own answer to the last problem, before its refinement.
+    ``own`` is the certificate of the back end's own answer to the last problem, before its refinement; ``fault`` says
+    what is wrong with what the back end returned, or nothing.
     """
 
     def __init__(self, solver: Solver, shape: Shape) -> None:
         self.solver = solver
         self.shape = shape
-        self.counts = Counts()
+        self.counts, self.fault = Counts(), ""
         from wbc.qp.rows.dense import DenseSteps  # compiled code: loaded where a problem is to be solved
 
         self._steps = DenseSteps(shape)
@@ -46,6 +47,13 @@ class Session(ABC):
     @abstractmethod
     def _solve(self, qp: QP) -> Answer:
         """Hand the problem to the back end. The problem has been checked; the answer will be."""
+
+    @final
+    def _answered(self, qp: QP) -> Answer:
+        """The back end's answer, none where what it returned is none."""
+        answer, what = Answer.checked(self._solve(qp), self.shape)
+        self.fault = f"solver {self.solver.name!r} returned {what}" if what else ""
+        return answer
 
     def _improved(self, qp: QP, answer: Answer, proof: Certificate) -> tuple[Answer, Certificate]:
         """A better answer with its certificate, where there is one: here what the core makes of the active rows.
@@ -93,9 +101,10 @@ class Session(ABC):
     def solve(self, qp: QP) -> Solution:
         """Check the problem, solve it, check the answer; the same for every back end.
 
-        The certificate decides, not the back end's status. A solution that is not a hundred times finer than the
-        tolerance is refined once with the active rows that its multipliers name (:mod:`wbc.qp.rows.dense`), and the
-        better of the two is kept. If it still fails, a proof is looked for that there is no solution
+        What the back end returned may be anything: where it is no answer of this shape, ``reason`` says so by the
+        solver's name. The certificate decides, not the back end's status. A solution that is not a hundred times finer
+        than the tolerance is refined once with the active rows that its multipliers name (:mod:`wbc.qp.rows.dense`),
+        and the better of the two is kept. If it still fails, a proof is looked for that there is no solution
         (:mod:`wbc.qp.proof`). Without one the status says how the back end ended, never INFEASIBLE or UNBOUNDED.
 
         Raises:
@@ -108,7 +117,7 @@ class Session(ABC):
         qp.check()
         tolerance = self.solver.tolerance
         start = perf_counter()
-        answer = self._solve(qp)
+        answer = self._answered(qp)
         proof = self.own = answer.certificate(qp, tolerance)
         if not proof.within(FINE * tolerance):
             answer, proof = self._improved(qp, answer, proof)
@@ -116,6 +125,7 @@ class Session(ABC):
         status, reason = Status.SOLVED, ""
         if not proof.within(tolerance):
             status, reason = _verdict(qp, answer.status, proof, tolerance)
+            reason = self.fault if self.fault and status is Status.FAILED else reason
             if status in (Status.INFEASIBLE, Status.UNBOUNDED):
                 answer, proof = Answer.none(qp.shape, status, answer.iterations), Certificate.none()
         return Solution(

@@ -29,6 +29,8 @@ class RowSolver(ABC):
     kernel = 0, 0
     #: Why a solution that meets all constraints is not optimal: "not optimised", "weighted fallback"; "" where it is.
     shortfall = ""
+    #: What is wrong with what a back end returned; "" where nothing is.
+    fault = ""
 
     def __init__(self, problem: RowProblem) -> None:
         self.problem = problem

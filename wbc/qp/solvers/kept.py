@@ -101,7 +101,7 @@ class KeptSession(Session):
         if not self._remembers or proof.within(self.solver.tolerance):
             return answer, proof
         self._workspace = None
-        fresh = self._solve(qp)
+        fresh = self._answered(qp)
         return super()._improved(qp, fresh, fresh.certificate(qp, self.solver.tolerance))
 
 
