@@ -16,6 +16,8 @@ import pytest
 
 pytest.importorskip("distributed", reason="the extra sweep is not installed")
 
+import psutil
+
 from wbc.errors import InvalidInput
 from wbc.sweep import Range, Sweep, cluster, repeat, resume, sweep
 from wbc.sweep.run import in_order, read
@@ -152,6 +154,25 @@ def test_an_interrupted_sweep_goes_on_and_ends_with_the_same_results(tmp_path: P
     assert after == [
         {k: v for k, v in repeat(tmp_path / "broken", i, scenario=FLIP).items() if k not in TIMES} for i in range(30)
     ]
+
+
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_to_all_processes_of_a_sweep_ends_them_without_a_traceback(end: signal.Signals, tmp_path: Path):
+    """As Ctrl-C in a terminal, which the workers get, too."""
+    command = ["wbc", "sweep", FLIP, "--set", "wait=0.05", "--runs", "30", "--workers", "2", "--out", "out"]
+    started = subprocess.Popen(
+        [sys.executable, "-m", *command], cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    lines = tmp_path / "out.unfinished" / "results.jsonl"
+    _until(lambda: lines.is_file() and lines.read_text().count("\n") > 3)
+    everybody = psutil.Process(started.pid).children(recursive=True)
+    os.killpg(started.pid, end)
+    _, said = started.communicate(timeout=60.0)
+    assert started.returncode == 130 and "continue with: wbc sweep" in said and "Traceback" not in said
+    _until(lambda: not [one for one in everybody if one.is_running() and one.status() != psutil.STATUS_ZOMBIE], 10.0)
+    assert [path.name for path in tmp_path.iterdir()] == ["out.unfinished"]
+    resume(tmp_path / "out", scenario=FLIP, workers=1)
+    assert [result["run"] for result in results(tmp_path / "out")] == list(range(30))
 
 
 def test_there_must_be_somebody_and_something(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

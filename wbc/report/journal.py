@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, final
 
 from wbc.errors import InvalidInput
+from wbc.files import written
 from wbc.npz import read_json
 from wbc.report.folder import check_free
 
@@ -43,7 +44,8 @@ class Journal:
     @classmethod
     def begin(cls, path: Path, key: str, header: dict[str, Any]) -> Journal:
         """A new journal."""
-        path.write_text(_line(header), encoding="utf-8")
+        with written(path) as aside:
+            aside.write_text(_line(header), encoding="utf-8")
         return cls(path, key)
 
     def add(self, finding: dict[str, Any]) -> None:

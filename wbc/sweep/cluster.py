@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import logging
+import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from multiprocessing import resource_tracker
 from typing import Any
 
 from wbc import checks
@@ -82,9 +84,17 @@ def _client(scheduler: str | None, workers: int) -> Iterator[Any]:
             with client:
                 yield client
             return
-        cluster = LocalCluster(  # type: ignore[no-untyped-call]
-            n_workers=workers, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0",
-            silence_logs=logging.CRITICAL,
-        )  # fmt: skip
-        with cluster, Client(cluster, set_as_default=False) as client:  # type: ignore[no-untyped-call]
+        # Ctrl-C reaches all processes of a terminal. Workers, which have the mask of the thread that starts them, are
+        # ended by this one, and in silence. The tracker unblocks the signal in the thread that starts it.
+        resource_tracker.ensure_running()
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            cluster = LocalCluster(  # type: ignore[no-untyped-call]
+                n_workers=workers, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0",
+                silence_logs=logging.CRITICAL,
+            )  # fmt: skip
+            client = Client(cluster, set_as_default=False)  # type: ignore[no-untyped-call]
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        with cluster, client:
             yield client
