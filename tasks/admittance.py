@@ -85,7 +85,9 @@ class Admittance(Tracking, KernelTask):
 
     def kernel_rows(self) -> KernelRows:
         numbers = [*self._held, *self._compliance, *self._mobility]
-        return KernelRows.tracking(self, "frame.admittance", self.frame, numbers=numbers, also=(self._read,))
+        return KernelRows.tracking(
+            self, "wbc.tasks.compiled.frame:admittance", self.frame, numbers=numbers, also=(self._read,)
+        )
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -40,7 +40,7 @@ class AngularMomentum(Tracking, KernelTask):
         self.target = target
 
     def kernel_rows(self) -> KernelRows:
-        return KernelRows.tracking(self, "motion.velocity", MOMENTUM, numbers=[1.0, 3, 4, 5])
+        return KernelRows.tracking(self, "wbc.tasks.compiled.motion:velocity", MOMENTUM, numbers=[1.0, 3, 4, 5])
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

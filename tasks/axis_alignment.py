@@ -51,7 +51,9 @@ class AxisAlignment(Tracking, KernelTask):
         model.check_frame(self.frame)
 
     def kernel_rows(self) -> KernelRows:
-        return KernelRows.tracking(self, "direction.alignment", self.frame, numbers=self._view.ravel())
+        return KernelRows.tracking(
+            self, "wbc.tasks.compiled.direction:alignment", self.frame, numbers=self._view.ravel()
+        )
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

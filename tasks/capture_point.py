@@ -57,7 +57,9 @@ class CapturePoint(Tracking, KernelLinearTask):
         self._omega = float(np.sqrt(-model.gravity[2] / self.height))
 
     def kernel_rows(self) -> KernelRows:
-        return KernelRows.tracking(self, "motion.capture_point", CENTRE, numbers=[self._omega, self.rate])
+        return KernelRows.tracking(
+            self, "wbc.tasks.compiled.motion:capture_point", CENTRE, numbers=[self._omega, self.rate]
+        )
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -42,7 +42,7 @@ class CenterOfPressure(Tracking, KernelLinearTask):
         self.target = target
 
     def kernel_rows(self) -> KernelRows:
-        return KernelRows.tracking(self, "force.centre_of_pressure")
+        return KernelRows.tracking(self, "wbc.tasks.compiled.force:centre_of_pressure")
 
     def fill(self, state: RobotState, out: LinearRows) -> None:
         if out.A.shape[1] != 6:

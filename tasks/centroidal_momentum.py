@@ -38,7 +38,7 @@ class CentroidalMomentum(Tracking, KernelTask):
         self.target = target
 
     def kernel_rows(self) -> KernelRows:
-        return KernelRows.tracking(self, "motion.velocity", MOMENTUM, numbers=[1.0, *range(6)])
+        return KernelRows.tracking(self, "wbc.tasks.compiled.motion:velocity", MOMENTUM, numbers=[1.0, *range(6)])
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

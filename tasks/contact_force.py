@@ -48,7 +48,7 @@ class ContactForce(Tracking, KernelLinearTask):
         self.target = target
 
     def kernel_rows(self) -> KernelRows:
-        return KernelRows.tracking(self, "force.target")
+        return KernelRows.tracking(self, "wbc.tasks.compiled.force:target")
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

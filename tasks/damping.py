@@ -31,4 +31,4 @@ class Damping(JointTask, KernelTask):
         super().__init__(joints=joints, kp=0.0, kd=kd, weight=weight, name=name)
 
     def kernel_rows(self) -> KernelRows:
-        return KernelRows("motion.velocity")
+        return KernelRows("wbc.tasks.compiled.motion:velocity")

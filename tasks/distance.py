@@ -69,8 +69,8 @@ class Distance(Tracking, KernelTask):
 
     def kernel_rows(self) -> KernelRows:
         if isinstance(self.to, str):
-            return KernelRows.tracking(self, "relative.distance", self.frame, self.to)
-        return KernelRows.tracking(self, "relative.distance", self.frame, numbers=self.to)
+            return KernelRows.tracking(self, "wbc.tasks.compiled.frame:distance", self.frame, self.to)
+        return KernelRows.tracking(self, "wbc.tasks.compiled.frame:distance", self.frame, numbers=self.to)
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -85,7 +85,7 @@ class Edge(KernelContact):
         return Anchor(np.column_stack([x, y, np.cross(x, y)]), pose.translation)
 
     def kernel_rows(self) -> KernelRows:
-        return KernelRows("frame.edge", (self.frame,), [*self.origin, *self.direction])
+        return KernelRows("wbc.tasks.compiled.frame:edge", (self.frame,), [*self.origin, *self.direction])
 
     def cone(self) -> Mat:
         mu, L = self.pyramid.mu, self.half_length

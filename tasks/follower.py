@@ -7,8 +7,9 @@ from typing import final
 import numpy as np
 
 from wbc.compiled import Memory
-from wbc.stack.compiled.follow_kernel import LAYOUT, RESTS, WAKES, follow
 from wbc.types import Mat, Vec
+
+from .compiled.follow import LAYOUT, RESTS, WAKES, follow
 
 #: A cell of the filter is this share of the lag.
 CELLS = 60
@@ -19,7 +20,7 @@ class Follower:
     """Goes from ``place`` after samples: m linear axes, or these and a turn as a quaternion x y z w.
 
     ``place`` and samples are (m,) or (m + 4,), ``limits`` on velocity, acceleration and jerk (m, 3) or (m + 3, 3); see
-    :mod:`wbc.stack.compiled.follow_kernel`. ``place``, ``rate`` and ``second`` are written by :meth:`advance`.
+    :mod:`tasks.compiled.follow`. ``place``, ``rate`` and ``second`` are written by :meth:`advance`.
     """
 
     __slots__ = ("_memory", "_moves", "_sample", "_time", "place", "rate", "second")

@@ -14,6 +14,8 @@ from wbc.stack.by_name import all_meant, meant, patterns
 from wbc.stack.kernel_members import KernelTask
 from wbc.stack.kernel_rows import KernelRows
 
+from .joint_task import linear_rows
+
 
 @final
 class FrozenJoints(KernelTask):
@@ -69,8 +71,8 @@ class FrozenJoints(KernelTask):
 
     def kernel_rows(self) -> KernelRows:
         if self.positions is None:
-            return KernelRows("motion.velocity", constant=self._J)
-        return KernelRows.of_joints(self._positions, self._J)
+            return KernelRows("wbc.tasks.compiled.motion:velocity", constant=self._J)
+        return linear_rows(self._positions, self._J)
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -58,7 +58,7 @@ class Gaze(Tracking, KernelTask):
 
     def kernel_rows(self) -> KernelRows:
         numbers = [*self._view.ravel(), self.nearest]
-        return KernelRows.tracking(self, "direction.gaze", self.frame, numbers=numbers)
+        return KernelRows.tracking(self, "wbc.tasks.compiled.direction:gaze", self.frame, numbers=numbers)
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -36,7 +36,9 @@ class GravityCompensation(TorqueTask, KernelLinearTask):
     """
 
     def kernel_rows(self) -> KernelRows:
-        return KernelRows("force.gravity", numbers=self._index, constant=self._rows_of_joints, bias="g")
+        return KernelRows(
+            "wbc.tasks.compiled.force:gravity", numbers=self._index, constant=self._rows_of_joints, bias="g"
+        )
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

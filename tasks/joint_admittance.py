@@ -86,7 +86,7 @@ class JointAdmittance(Tracking, JointTask, KernelTask):
 
     def kernel_rows(self) -> KernelRows:
         numbers = [*self._held, *self._compliance, *self._mobility]
-        return KernelRows.tracking(self, "joint.admittance", numbers=numbers, also=(self._read,))
+        return KernelRows.tracking(self, "wbc.tasks.compiled.joint:admittance", numbers=numbers, also=(self._read,))
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

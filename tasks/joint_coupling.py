@@ -13,6 +13,8 @@ from wbc.models.model import RobotModel
 from wbc.stack.kernel_members import KernelTask
 from wbc.stack.kernel_rows import KernelRows
 
+from .joint_task import linear_rows
+
 
 @final
 class JointCoupling(KernelTask):
@@ -59,7 +61,7 @@ class JointCoupling(KernelTask):
         self.units, self.labels = model.joint_units[joint], (self.joint,)
 
     def kernel_rows(self) -> KernelRows:
-        return KernelRows.of_joints(np.array([self.offset]), self._J)
+        return linear_rows(np.array([self.offset]), self._J)
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

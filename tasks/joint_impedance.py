@@ -96,7 +96,7 @@ class JointImpedance(Tracking, TorqueTask, KernelLinearTask):
     def kernel_rows(self) -> KernelRows:
         numbers, bias = [*self._index, *self._K, *self._D], "h" if self.coriolis else "g"
         return KernelRows.tracking(
-            self, "force.impedance", numbers=numbers, constant=self._rows_of_joints, bias=bias
+            self, "wbc.tasks.compiled.force:impedance", numbers=numbers, constant=self._rows_of_joints, bias=bias
         )  # fmt: skip
 
     @classmethod

@@ -10,11 +10,18 @@ import numpy as np
 from wbc.errors import InvalidInput, UnknownJoint
 from wbc.models.model import RobotModel, RobotState
 from wbc.stack.by_name import ByName, all_meant, patterns
+from wbc.stack.kernel_rows import KernelRows
 from wbc.stack.member import EFFORTS
 from wbc.stack.target import Convert
 from wbc.stack.task import LinearTask, Task, TaskRows
 from wbc.stack.tracking import joints_target
-from wbc.types import Index, Vec
+from wbc.types import Index, Mat, Vec
+
+
+def linear_rows(offset: Vec, J: Mat) -> KernelRows:
+    """e = offset − J q, a row for each of ``offset`` (dim,); J (dim, nv) has nothing of the base."""
+    numbers = np.concatenate([offset, J.ravel()])
+    return KernelRows("wbc.tasks.compiled.joint:linear", numbers=numbers, constant=J)
 
 
 class JointTask(Task):

@@ -49,7 +49,7 @@ class JointVelocity(Tracking, JointTask, KernelTask):
         self.target = self.target
 
     def kernel_rows(self) -> KernelRows:
-        return KernelRows.tracking(self, "motion.velocity")
+        return KernelRows.tracking(self, "wbc.tasks.compiled.motion:velocity")
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -42,7 +42,7 @@ class LinearMomentum(Tracking, KernelTask):
         self._mass = model.mass
 
     def kernel_rows(self) -> KernelRows:
-        return KernelRows.tracking(self, "motion.velocity", CENTRE, numbers=[self._mass, 0, 1, 2])
+        return KernelRows.tracking(self, "wbc.tasks.compiled.motion:velocity", CENTRE, numbers=[self._mass, 0, 1, 2])
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -31,7 +31,7 @@ class LocalPosition(_AlongAxes):
     """
 
     target_dim = 3
-    _kernel = "frame.own_position"
+    _kernel = "wbc.tasks.compiled.frame:own_position"
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -73,7 +73,7 @@ class LoopClosure(KernelContact):
         return Anchor(motion.rotation, motion.position)
 
     def kernel_rows(self) -> KernelRows:
-        return KernelRows("relative.closure", (self.frame, str(self.carrier)), self._axes)
+        return KernelRows("wbc.tasks.compiled.frame:closure", (self.frame, str(self.carrier)), self._axes)
 
     def cone(self) -> Mat:
         return np.zeros((0, self.dim))

@@ -29,4 +29,4 @@ class LowAcceleration(JointTask, KernelTask):
         super().__init__(joints=joints, kp=0.0, kd=0.0, weight=weight, name=name)
 
     def kernel_rows(self) -> KernelRows:
-        return KernelRows("joint.steady")
+        return KernelRows("wbc.tasks.compiled.joint:steady")

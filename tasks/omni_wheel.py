@@ -60,7 +60,7 @@ class OmniWheel(KernelTask):
 
     def kernel_rows(self) -> KernelRows:
         shares = [np.cos(self.roller), np.sin(self.roller), 0.0, 0.0, 0.0, 1.0][: 3 * self.dim]
-        return KernelRows("wheel.wheel", (self.frame,), [*self.wheel.numbers(self.ground), *shares])
+        return KernelRows("wbc.tasks.compiled.frame:wheel", (self.frame,), [*self.wheel.numbers(self.ground), *shares])
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

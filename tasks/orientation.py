@@ -44,7 +44,7 @@ class Orientation(Tracking, KernelTask):
         model.check_frame(self.frame)
 
     def kernel_rows(self) -> KernelRows:
-        return KernelRows.tracking(self, "frame.pose", self.frame, numbers=range(3, 6))
+        return KernelRows.tracking(self, "wbc.tasks.compiled.frame:pose", self.frame, numbers=range(3, 6))
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

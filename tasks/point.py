@@ -60,7 +60,7 @@ class Point(KernelContact):
 
     def kernel_rows(self) -> KernelRows:
         held = [self.radius == 0.0, self.radius == 0.0, True]
-        return KernelRows("frame.point", (self.frame,), [*self.axes.T.ravel(), *self._offset, *held])
+        return KernelRows("wbc.tasks.compiled.frame:point", (self.frame,), [*self.axes.T.ravel(), *self._offset, *held])
 
     def cone(self) -> Mat:
         return self.pyramid.rows

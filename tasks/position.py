@@ -65,7 +65,7 @@ class Position(_AlongAxes):
         ('m', 1)
     """
 
-    _kernel = "frame.position"
+    _kernel = "wbc.tasks.compiled.frame:position"
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

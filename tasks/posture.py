@@ -50,7 +50,7 @@ class Posture(Tracking, JointTask, KernelTask):
         plausible.joints(model, f"{self.name}.target", self.reference(0.0).value)
 
     def kernel_rows(self) -> KernelRows:
-        return KernelRows.tracking(self, "joint.position")
+        return KernelRows.tracking(self, "wbc.tasks.compiled.joint:position")
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -49,7 +49,7 @@ class RelativeOrientation(Tracking, KernelTask):
 
     def kernel_rows(self) -> KernelRows:
         frames = self.frame, self.frame_of_reference
-        return KernelRows.tracking(self, "relative.pose", *frames, numbers=range(3, 6))
+        return KernelRows.tracking(self, "wbc.tasks.compiled.frame:relative_pose", *frames, numbers=range(3, 6))
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -47,7 +47,7 @@ class RelativePosition(Tracking, KernelTask):
 
     def kernel_rows(self) -> KernelRows:
         frames = self.frame, self.frame_of_reference
-        return KernelRows.tracking(self, "relative.pose", *frames, numbers=range(3))
+        return KernelRows.tracking(self, "wbc.tasks.compiled.frame:relative_pose", *frames, numbers=range(3))
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -58,7 +58,9 @@ class Rolling(KernelTask):
 
     def kernel_rows(self) -> KernelRows:
         return KernelRows(
-            "wheel.wheel", (self.frame,), [*self.wheel.numbers(self.ground), *np.eye(3)[: self.dim].ravel()]
+            "wbc.tasks.compiled.frame:wheel",
+            (self.frame,),
+            [*self.wheel.numbers(self.ground), *np.eye(3)[: self.dim].ravel()],
         )
 
     @classmethod

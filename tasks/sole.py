@@ -66,7 +66,7 @@ class Sole(KernelContact):
         return Anchor(pose.rotation, pose.translation)
 
     def kernel_rows(self) -> KernelRows:
-        return KernelRows("frame.sole", (self.frame,), self.origin)
+        return KernelRows("wbc.tasks.compiled.frame:sole", (self.frame,), self.origin)
 
     @cached_property
     def _facets(self) -> Mat:

@@ -65,7 +65,7 @@ class Torque(Tracking, TorqueTask, KernelLinearTask):
     def kernel_rows(self) -> KernelRows | None:
         if self._by_inertia:
             return None
-        return KernelRows.tracking(self, "force.target", constant=self._rows_of_joints)
+        return KernelRows.tracking(self, "wbc.tasks.compiled.force:target", constant=self._rows_of_joints)
 
     def fill(self, state: RobotState, out: LinearRows) -> None:
         if not self._by_inertia:

@@ -40,5 +40,5 @@ class Wheel:
         self.axle = unit_axis(f"{name}.axle", axle)
 
     def numbers(self, ground: float | None) -> list[float]:
-        """What the kernel "wheel.wheel" reads of it."""
+        """What the kernel "wbc.tasks.compiled.frame:wheel" reads of it."""
         return [*self.axle.tolist(), self.radius, ground or 0.0]

@@ -57,7 +57,7 @@ class Yaw(Tracking, KernelTask):
         model.check_frame(self.frame)
 
     def kernel_rows(self) -> KernelRows:
-        return KernelRows.tracking(self, "direction.yaw", self.frame, numbers=self.axis)
+        return KernelRows.tracking(self, "wbc.tasks.compiled.direction:yaw", self.frame, numbers=self.axis)
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -50,7 +50,9 @@ class ZeroMomentPoint(Tracking, KernelLinearTask):
 
     def kernel_rows(self) -> KernelRows:
         numbers = [self._mass, self.ground, *self._gravity]
-        return KernelRows.tracking(self, "motion.zero_moment_point", MOMENTUM, CENTRE, numbers=numbers)
+        return KernelRows.tracking(
+            self, "wbc.tasks.compiled.motion:zero_moment_point", MOMENTUM, CENTRE, numbers=numbers
+        )
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

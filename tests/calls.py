@@ -104,7 +104,8 @@ class Chosen:
 
 def importers(texts: dict[str, str], files: set[str]) -> set[str]:
     """Of the files with these texts those that import from one of ``files``."""
-    modules = "|".join(re.escape(name.removesuffix(".py").replace("/", ".")) for name in files)
+    names = [name.removesuffix(".py").split("/") for name in files]
+    modules = "|".join([rf"{r'\.'.join(parts)}|\.+{r'\.'.join(parts[-2:])}" for parts in names])  # or relative
     imports = re.compile(rf"^from (?:{modules}) import ", re.MULTILINE)
     return {name for name, text in texts.items() if imports.search(text)}
 
@@ -112,12 +113,12 @@ def importers(texts: dict[str, str], files: set[str]) -> set[str]:
 def users(root: Path, file: str, function: str) -> list[str]:
     """Files of ours that use a compiled function from Python.
 
-    These are the files that name it, as ``"limit.half_spaces"``; else those that import from its module, or from the
-    compiled modules that import from it.
+    These are the files that name it, as ``"wbc.tasks.compiled.limit:half_spaces"``; else those that import from its
+    module, or from the compiled modules that import from it.
     """
     texts = {str(path.relative_to(root)): path.read_text(encoding="utf-8")
              for folder in ("wbc", "tasks") for path in (root / folder).rglob("*.py")}  # fmt: skip
-    kernel = f'"{Path(file).stem.removesuffix("_kernel")}.{function}"'
+    kernel = f'.compiled.{Path(file).stem}:{function}"'
     found = [name for name, text in texts.items() if kernel in text]
     seen, modules = {file}, {file}
     while modules and not found:

@@ -72,8 +72,9 @@ def copied(root: Path, folder: Path) -> None:
 def taken_in(root: Path, file: str) -> list[str]:
     """The files of kernels that are compiled with those of ``file`` in them, itself among them."""
     texts = {
-        str(path.relative_to(root)): path.read_text(encoding="utf-8") for path in root.glob("wbc/**/compiled/*.py")
-    }
+        str(path.relative_to(root)): path.read_text(encoding="utf-8")
+        for package in ("wbc", "tasks") for path in (root / package).rglob("compiled/*.py")
+    }  # fmt: skip
     found, new = set[str](), {file} & set(texts)
     while new:
         found |= new

@@ -1,6 +1,7 @@
 """Compile every kernel of the library for this processor, in two processes: ``python -m wbc.compile_all``.
 
 The machine code is kept on disk. A program that starts later waits for none of it, as in an image of a container.
+Modules with kernels of your own: ``python -m wbc.compile_all MODULE ...``.
 """
 
 from __future__ import annotations
@@ -16,9 +17,8 @@ from wbc.compiled import callee
 MODULES = (
     ("wbc.qp.lexicographic.solver", "wbc.qp.rows.core", "wbc.stack.plan"),
     ("wbc.control.measured", "wbc.robots.estimator", "wbc.models.compiled.whole", "wbc.models.near_pairs",
-     "wbc.stack.compiled.follow_kernel",
-     *(f"wbc.stack.compiled.{rows}_kernel" for rows in (
-         "direction", "force", "frame", "joint", "limit", "motion", "relative", "wheel"))),
+     *(f"wbc.tasks.compiled.{rows}" for rows in (
+         "direction", "follow", "force", "frame", "joint", "limit", "motion"))),
 )  # fmt: skip
 
 

@@ -11,12 +11,13 @@ there is compiled, and what cannot be written is not kept.
 
 from __future__ import annotations
 
+import ast
 import ctypes
 import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from hashlib import sha256
 from inspect import get_annotations
 from math import prod
@@ -40,8 +41,8 @@ __all__ = [
 
 # All that a compiler may do with sums but to suppose that numbers are finite: a certificate must see NaN.
 _FAST = {"reassoc", "nsz", "arcp", "contract"}
-#: How the names of the functions of this library begin in machine code.
-_OURS = "_ZN3wbc"
+#: Files of kernels, of the library or of a user, and how the names of their functions begin in machine code.
+_OURS: dict[str, str] = {}
 _numba: Any = numba
 _types: Any = numba.types
 _events: Any = event
@@ -55,14 +56,14 @@ def _own_copies(library: Any) -> None:
     with one name that are loaded all but the first are left out: last digits would depend on what was loaded before,
     and be others where code is compiled than where it is read from disk.
     """
-    module = library._final_module
-    if library._shared_module is None and any(function.name.startswith(_OURS) for function in module.functions):
+    module, ours = library._final_module, tuple(_OURS.values())
+    if library._shared_module is None and any(function.name.startswith(ours) for function in module.functions):
         library._shared_module = shared = module.clone()  # what is linked into others
         for function in shared.functions:
             if not function.is_declaration and function.linkage is _LINKAGE.external:
                 function.linkage = _LINKAGE.linkonce_odr
         for function in module.functions:
-            if function.linkage is _LINKAGE.linkonce_odr and function.name.startswith(_OURS):
+            if function.linkage is _LINKAGE.linkonce_odr and function.name.startswith(ours):
                 function.linkage = _LINKAGE.internal
     _make_ready(library)
 
@@ -73,17 +74,19 @@ _make_ready = _LIBRARY._finalize_final_module
 _LIBRARY._finalize_final_module = _own_copies
 
 
-def _kept(make: Callable[..., Any], **more: Any) -> Any:
+def _kept(make: Callable[..., Any], function: Callable[..., Any], **more: Any) -> Any:
+    parts = function.__module__.split(".")
+    _OURS[function.__code__.co_filename] = f"_ZN{''.join(f'{len(part)}{part}' for part in parts)}"
     # Kernels make no arrays, so that there are no references to count: a tenth less to compile.
     how = {"fastmath": _FAST, "error_model": "numpy", "_nrt": False, **more}
     try:
-        return make(cache=True, **how)
+        return make(cache=True, **how)(function)
     except RuntimeError:  # no folder to keep machine code in may be written
-        return make(**how)
+        return make(**how)(function)
 
 
 def _made(function: _F, **more: bool) -> Any:
-    made = _kept(lambda **how: _numba.njit(**how)(function), nogil=True, **more)
+    made = _kept(_numba.njit, function, nogil=True, **more)
     if _numba.config.DISABLE_JIT:
         return made
     # Else a kernel that somebody gives the number 0, written as such, would be compiled once more for 0 alone.
@@ -137,7 +140,7 @@ def part(function: _F) -> _F:
     kinds = {"int": _types.int64, "float": _types.float64, "bool": _types.int64, "None": _types.void}
     *given, answer = (kinds[kind] for kind in get_annotations(function).values())
     signature = answer(*given)
-    made = _kept(lambda **how: _numba.cfunc(signature, **how)(function))
+    made = _kept(partial(_numba.cfunc, signature), function)
     name = f"{function.__module__}.{function.__qualname__}"
     add_symbol(name, made.address)
     return cast(_F, _Symbol(made, name, signature))
@@ -177,7 +180,7 @@ class callee:  # a decorator
 
     @cached_property
     def _made(self) -> Any:
-        return _kept(lambda **how: _numba.cfunc("int64(int64)", **how)(self._function))
+        return _kept(partial(_numba.cfunc, "int64(int64)"), self._function)
 
     @cached_property
     def place(self) -> int:
@@ -218,22 +221,47 @@ _TAKEN_IN = re.compile(rb"^from wbc\.([\w.]+\.compiled\.\w+) import", re.MULTILI
 
 @cache
 def digest(source: Path, package: Path = _PACKAGE) -> bytes:
-    """Of the text that goes into the machine code of a file of kernels: its own and of all that it takes in."""
-    text = source.read_bytes()
-    kernels = (package / f"{name.decode().replace('.', '/')}.py" for name in _TAKEN_IN.findall(text))
-    others = ((package / name).read_bytes() for name in _MADE_OF)
-    return sha256(b"".join([text, *others, *(digest(one, package) for one in kernels)])).digest()
+    """Of the text that goes into the machine code of a file of kernels: its own and of all that it takes in.
+
+    A file that is none of the library's may import as it likes: it counts as taking in every kernel of the library, and
+    all files of its folder that it imports.
+    """
+    library = package, package.with_name("tasks")
+    if any(folder in source.parents for folder in library):
+        text = source.read_bytes()
+        kernels = (package / f"{name.decode().replace('.', '/')}.py" for name in _TAKEN_IN.findall(text))
+        parts = [text, *(digest(one, package) for one in kernels)]
+    else:
+        files = _beside(source, set()).union(*(folder.rglob("compiled/*.py") for folder in library))
+        parts = [file.read_bytes() for file in sorted(files)]
+    return sha256(b"".join([*parts, *((package / name).read_bytes() for name in _MADE_OF)])).digest()
 
 
-def _stamp(locator: Any) -> Any:
-    """What kept machine code must agree with, in whatever folder it is."""
-    of_file = _stamp_of_file(locator)
-    return (of_file, digest(Path(locator._py_file))) if _is_ours(locator._py_file) else of_file
+def _beside(source: Path, found: set[Path]) -> set[Path]:
+    """A file of Python, and those of its folder that it imports; added to those ``found``."""
+    if source.suffix == ".py" and source.is_file() and source not in found:
+        found.add(source)
+        for node in ast.walk(ast.parse(source.read_bytes())):
+            if isinstance(node, ast.Import | ast.ImportFrom):
+                for name in (getattr(node, "module", None) or "", *(alias.name for alias in node.names)):
+                    _beside(source.with_name(f"{name.rpartition('.')[2]}.py"), found)
+    return found
 
 
-_LOCATOR: Any = caching._SourceFileBackedLocatorMixin
-_stamp_of_file = _LOCATOR.get_source_stamp
-_LOCATOR.get_source_stamp = _stamp
+def _compared(kind: Any) -> None:
+    """Let what numba keeps of kernels be compared with all that they are made of, wherever it is kept."""
+    of_file = kind.get_source_stamp
+
+    def stamp(locator: Any) -> Any:
+        file = locator._py_file
+        return (of_file(locator), digest(Path(file))) if file in _OURS else of_file(locator)
+
+    kind.get_source_stamp = stamp
+
+
+_LOCATORS: Any = caching._CacheLocator
+for _kind in _LOCATORS.__subclasses__():
+    _compared(_kind)
 
 
 _FILE: Any = caching.IndexDataCacheFile
@@ -262,18 +290,13 @@ class _Checked(_FILE):  # type: ignore[misc]
 vars(caching)["IndexDataCacheFile"] = _Checked
 
 
-def _is_ours(source: str) -> bool:
-    return _PACKAGE in Path(source).parents
-
-
 def _ensure_folder(locator: Any) -> None:
     """Numba's own, but where nobody has a home: there it would make a folder called ~ in that of the process."""
-    if _is_ours(locator._py_file) and locator.get_cache_path().startswith("~"):
+    if locator._py_file in _OURS and locator.get_cache_path().startswith("~"):
         raise FileNotFoundError("there is no home")
     _make_folder(locator)
 
 
-_LOCATORS: Any = caching._CacheLocator
 _make_folder = _LOCATORS.ensure_cache_path
 _LOCATORS.ensure_cache_path = _ensure_folder
 
@@ -285,7 +308,7 @@ def _or_none(cache: Any) -> Iterator[None]:
         with _guard(cache):
             yield
     except (OSError, EOFError, UnpicklingError, AttributeError, ImportError, IndexError) as cause:
-        if not _is_ours(cache._py_func.__code__.co_filename):
+        if cache._py_func.__code__.co_filename not in _OURS:
             raise
         if not isinstance(cause, OSError):
             with suppress(OSError):

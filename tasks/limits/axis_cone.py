@@ -51,7 +51,9 @@ class AxisConeLimit(KernelBarrier):
         model.check_frame(self.frame)
 
     def kernel_rows(self) -> KernelRows:
-        return KernelRows("limit.axis_cone", (self.frame,), [*self.axis, *self.direction, self.angle])
+        return KernelRows(
+            "wbc.tasks.compiled.limit:axis_cone", (self.frame,), [*self.axis, *self.direction, self.angle]
+        )
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

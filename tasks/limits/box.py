@@ -62,7 +62,9 @@ class BoxLimits(KernelBarrier):
 
     def kernel_rows(self) -> KernelRows:
         normals = self._sign[:, None] * np.eye(3)[self._axes]
-        return KernelRows("limit.half_spaces", (self.frame,), np.column_stack([normals, self._offset]).ravel())
+        return KernelRows(
+            "wbc.tasks.compiled.limit:half_spaces", (self.frame,), np.column_stack([normals, self._offset]).ravel()
+        )
 
     def label(self, row: int) -> str:
         return f"{_AXES[self._axes[row]]} {'lower' if row < len(self._low) else 'upper'}"

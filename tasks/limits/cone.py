@@ -52,7 +52,7 @@ class ConeLimit(KernelBarrier):
         model.check_frame(self.frame)
 
     def kernel_rows(self) -> KernelRows:
-        return KernelRows("limit.cone", (self.frame,), [*self.apex, *self.axis, self.angle])
+        return KernelRows("wbc.tasks.compiled.limit:cone", (self.frame,), [*self.apex, *self.axis, self.angle])
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

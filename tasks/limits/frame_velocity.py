@@ -65,7 +65,7 @@ class FrameVelocityLimits(LinearConstraint, KernelMember):
         model.check_frame(self.frame)
 
     def kernel_rows(self) -> KernelRows:
-        return KernelRows("motion.velocity", (self.frame,), [1.0, *self._rows])
+        return KernelRows("wbc.tasks.compiled.motion:velocity", (self.frame,), [1.0, *self._rows])
 
     def fill(self, state: RobotState, out: ConstraintRows) -> None:
         out.A[:], out.lo[:], out.hi[:] = self._called(state).J, -self._v_max, self._v_max

@@ -44,7 +44,7 @@ class HalfSpaceLimit(KernelBarrier):
         model.check_frame(self.frame)
 
     def kernel_rows(self) -> KernelRows:
-        return KernelRows("limit.half_spaces", (self.frame,), [*self.normal, self.offset])
+        return KernelRows("wbc.tasks.compiled.limit:half_spaces", (self.frame,), [*self.normal, self.offset])
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

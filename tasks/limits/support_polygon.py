@@ -74,7 +74,7 @@ class SupportPolygon(KernelBarrier):
 
     def kernel_rows(self) -> KernelRows:
         numbers = np.column_stack([self._normals, np.zeros(self.dim), self._offsets])
-        return KernelRows("limit.half_spaces", (CENTRE,), numbers.ravel())
+        return KernelRows("wbc.tasks.compiled.limit:half_spaces", (CENTRE,), numbers.ravel())
 
     def label(self, row: int) -> str:
         return f"edge {row}"

@@ -27,8 +27,9 @@ SINUSOID, MINIMUM_JERK, POSE, SAMPLES, PIECEWISE = range(5)
 class KernelRows:
     """Rows that are linear in how some things move: J = Σ Cᵢ Jᵢ and J̇ v = Σ Cᵢ (J̇ᵢ v) + bent.
 
-    ``kernel`` "file.name" of :mod:`wbc.stack.compiled` writes e, C, bent, rate_ref and acc_ref; ``of`` are the things,
-    each with six rows: frames by name (velocity of the origin, angular velocity, world axes), CENTRE or MOMENTUM.
+    ``kernel`` "module:function", a :class:`wbc.compiled.callee` of any module, writes e, C, bent, rate_ref and acc_ref
+    of :class:`wbc.stack.compiled.row_kernel.Rows`; ``of`` are the things, each with six rows: frames by name (velocity
+    of the origin, angular velocity, world axes), CENTRE or MOMENTUM.
     ``numbers`` are settings, read again where something is assigned; ``follows`` give targets at a time [s].
     """
 
@@ -50,11 +51,6 @@ class KernelRows:
     ) -> Self:  # fmt: skip
         """Of a task with a ``target``."""
         return cls(kernel, of, numbers, (task.reference, *also), **more)
-
-    @classmethod
-    def of_joints(cls, offset: Vec, J: Mat) -> Self:
-        """e = offset − J q, a row for each of ``offset`` (dim,); J (dim, nv) has nothing of the base."""
-        return cls("joint.linear", numbers=np.concatenate([offset, J.ravel()]), constant=J)
 
 
 @final

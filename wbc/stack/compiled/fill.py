@@ -8,8 +8,9 @@ from typing import Any, final
 import numpy as np
 
 from wbc.compiled import Memory
+from wbc.errors import InvalidInput, MemberFailed
 from wbc.stack.block import Block
-from wbc.stack.compiled.row_memory import Following, Item
+from wbc.stack.compiled.row_memory import Following, Item, kernel_of
 from wbc.stack.filled import Filled
 from wbc.stack.kernel_rows import kernel_rows_of
 from wbc.types import Mat
@@ -41,8 +42,13 @@ class CompiledFill:
 
         def takes(k: int, block: Block) -> bool:
             """Whether compiled code writes the rows of a block."""
-            if kernel_rows_of(block.says) is None:
+            said = kernel_rows_of(block.says)
+            if said is None:
                 return False
+            try:
+                kernel_of(said.kernel)
+            except InvalidInput as cause:  # a member's own fill would hide it
+                raise MemberFailed(f"{block.name}.kernel_rows", cause) from cause
             try:
                 item = Item(block.kernel_rows(), state, block.into, block.anchor, block.A, second=second)
             except Exception:

@@ -21,6 +21,23 @@ from wbc.stack.task_rows import TaskRows
 from wbc.types import Mat, Vec
 
 
+def kernel_of(name: str) -> callee:
+    """The kernel "module:function".
+
+    Raises:
+        InvalidInput: there is none of this name.
+    """
+    module, _, function = name.partition(":")
+    try:
+        found = getattr(import_module(module), function, None)
+    except (ImportError, ValueError) as cause:
+        raise InvalidInput(f'there is no kernel {name!r}, "module:function": {cause}') from cause
+    if not isinstance(found, callee):
+        kind = "a kernel" if found is None else "decorated with wbc.compiled.callee"
+        raise InvalidInput(f"{module} has no function {function!r} that is {kind}")
+    return found
+
+
 def called(
     said: KernelRows, dim: int, state: RobotState, anchor: Anchor | None = None, A: Mat | None = None
 ) -> TaskRows:
@@ -56,8 +73,7 @@ class Item:
         self, said: KernelRows, state: RobotState, rows: TaskRows, anchor: Anchor | None, A: Mat | None, *,
         second: bool,
     ) -> None:  # fmt: skip
-        file, name = said.kernel.split(".")
-        self.kernel: callee = getattr(import_module(f"wbc.stack.compiled.{file}_kernel"), name)
+        self.kernel = kernel_of(said.kernel)
         dim, n, model = len(rows.e), len(said.of), state.model
         targets = [reference(state.t) for reference in said.follows]
         n_value = [sum(part.size for part in _parts(target)) for target in targets]

@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tasks.compiled import follow
 from tests.plain import plain
-from wbc.stack.compiled import follow_kernel
 from wbc.types import Vec
 
-KERNEL: Any = plain(follow_kernel)
+KERNEL: Any = plain(follow)
 decades = st.floats(-1.5, 1.5).map(lambda x: 10.0**x)
 vectors = st.tuples(*[st.floats(-1.0, 1.0)] * 3).map(np.array)
 
