@@ -103,9 +103,9 @@ class Chosen:
 
 
 def importers(texts: dict[str, str], files: set[str]) -> set[str]:
-    """Of the files with these texts those that import from one of ``files``."""
+    """Of the files with these texts those that import from one of ``files``, also by a relative name."""
     names = [name.removesuffix(".py").split("/") for name in files]
-    modules = "|".join([rf"{r'\.'.join(parts)}|\.+{r'\.'.join(parts[-2:])}" for parts in names])  # or relative
+    modules = "|".join(re.escape(".".join(parts)) for parts in [*names, *(["", *parts[-2:]] for parts in names)])
     imports = re.compile(rf"^from (?:{modules}) import ", re.MULTILINE)
     return {name for name, text in texts.items() if imports.search(text)}
 

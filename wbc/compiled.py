@@ -75,8 +75,9 @@ _LIBRARY._finalize_final_module = _own_copies
 
 
 def _kept(make: Callable[..., Any], function: Callable[..., Any], **more: Any) -> Any:
-    parts = function.__module__.split(".")
-    _OURS[function.__code__.co_filename] = f"_ZN{''.join(f'{len(part)}{part}' for part in parts)}"
+    if function.__module__:  # it stands in a file
+        parts = (f"{len(part)}{part}" for part in function.__module__.split("."))
+        _OURS[function.__code__.co_filename] = f"_ZN{''.join(parts)}"
     # Kernels make no arrays, so that there are no references to count: a tenth less to compile.
     how = {"fastmath": _FAST, "error_model": "numpy", "_nrt": False, **more}
     try:
