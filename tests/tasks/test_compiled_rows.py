@@ -22,10 +22,11 @@ from tasks import (
     Posture,
     Yaw,
 )
+from tests.tasks.own_kernel import Radius
 from tests.tasks.test_contract import MEMBERS
 from tests.test_features import contacts_of
 from wbc import InverseDynamics, Stack
-from wbc.errors import NotSupported
+from wbc.errors import InvalidInput, NotSupported
 from wbc.models.model import RobotModel
 from wbc.stack.contact import Contact
 from wbc.stack.task import Objective
@@ -80,7 +81,7 @@ def rows_of(plan: Any) -> dict[str, np.ndarray]:
 
 
 @pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS)
-@pytest.mark.parametrize("member", MEMBERS, ids=lambda member: member.__name__)
+@pytest.mark.parametrize("member", [*MEMBERS, Radius], ids=lambda member: member.__name__)
 def test_a_tick_writes_what_members_write_when_they_are_called(member: Any, robot: RobotModel, monkeypatch: Any):
     """The other way reads the state's own Jacobians, drifts and velocities; the contract compares it with differences.
 
@@ -114,7 +115,7 @@ def assert_same(plan: Any, other: Any, robot: RobotModel, monkeypatch: Any) -> N
             np.testing.assert_allclose(found[what], values, rtol=0, atol=tolerance, err_msg=f"{what} of {plan}")
 
 
-@pytest.mark.parametrize("member", MEMBERS, ids=lambda member: member.__name__)
+@pytest.mark.parametrize("member", [*MEMBERS, Radius], ids=lambda member: member.__name__)
 def test_a_stack_of_library_members_calls_no_python_between_pinocchio_and_the_command(member: Any):
     robot = ROBOTS["humanoid"]
     called = [f"{plan}" for plan in plans(member, robot) if not plan.is_compiled]
@@ -168,3 +169,21 @@ def test_settings_that_are_assigned_between_ticks_are_read_again():
     for what, values in rows_of(expected).items():
         np.testing.assert_array_equal(after[what], values, err_msg=what)
     assert np.abs(after["rows"] - before["rows"]).max() > 1.0
+
+
+@pytest.mark.parametrize(
+    ("kernel", "why"),
+    [
+        ("tests.tasks.own_kernels:radius", "there is no kernel 'tests.tasks.own_kernels:radius', .*: No module named"),
+        ("tests.tasks.own_kernel:radios", "tests.tasks.own_kernel has no function 'radios' that is a kernel"),
+        ("tests.tasks.own_kernel", "tests.tasks.own_kernel has no function '' that is a kernel"),
+        ("tests.tasks.own_kernel:across", "no function 'across' that is decorated with wbc.compiled.callee"),
+        ("tests.tasks.own_kernel:rows", "no function 'rows' that is decorated with wbc.compiled.callee"),
+        (":radius", "there is no kernel ':radius', \"module:function\""),
+        (".own_kernel:radius", "there is no kernel '.own_kernel:radius', \"module:function\""),
+    ],
+)
+def test_a_kernel_that_is_none_is_refused_though_the_task_could_write_its_rows(kernel: str, why: str):
+    robot = ROBOTS["arm"]
+    with pytest.raises(InvalidInput, match=why):
+        InverseDynamics().compile(robot, Stack([Radius("tool", target=[0.3], kernel=kernel)]), dt=1e-3)

@@ -30,7 +30,7 @@ def kernel_of(name: str) -> callee:
     module, _, function = name.partition(":")
     try:
         found = getattr(import_module(module), function, None)
-    except (ImportError, ValueError) as cause:
+    except (ImportError, TypeError, ValueError) as cause:
         raise InvalidInput(f'there is no kernel {name!r}, "module:function": {cause}') from cause
     if not isinstance(found, callee):
         kind = "a kernel" if found is None else "decorated with wbc.compiled.callee"
