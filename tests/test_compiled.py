@@ -26,27 +26,65 @@ from wbc.qp.rows.compiled.linear import factor
 from wbc.types import Index, Mat
 
 
-def package(folder: Path, **texts: str) -> Path:
-    """Files of kernels, where fill takes in rows and rows takes in linear; by name what stands elsewhere."""
-    there = {"fill": "from wbc.a.compiled.rows import g", "rows": "from wbc.a.compiled.linear import f", "linear": ""}
-    for name in ("tolerances", "compiled", "stack/kernel_rows"):
+ROOT = Path(wbc.__file__).parents[1]
+LINEAR, ROWS, FILL = (f"wbc/a/compiled/{name}" for name in ("linear", "rows", "fill"))
+TASK, OWN, SHARED = "tasks/compiled/task", "mine/own", "mine/shared"
+#: Files of kernels that take in others, the last two those of a user, and numbers that all take in.
+FILES = {
+    LINEAR: "", ROWS: "from wbc.a.compiled.linear import f", FILL: "from wbc.a.compiled.rows import g",
+    TASK: "from wbc.a.compiled.rows import g", OWN: "import wbc.a.compiled.rows as r\nfrom . import (\n    shared,\n)",
+    SHARED: "from mine.own import h", "mine/other": "", "wbc/tolerances": "", "wbc/compiled": "",
+    "wbc/stack/kernel_rows": "",
+}  # fmt: skip
+
+
+def package(folder: Path, changed: str = "") -> Path:
+    """These files, one of them changed."""
+    for name, text in FILES.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / f"{name}.py").write_text(texts.get(name, ""), encoding="utf-8")
-    (folder / "a/compiled").mkdir(parents=True)
-    for name, text in there.items():
-        (folder / f"a/compiled/{name}.py").write_text(f"{text}\n{texts.get(name, '')}", encoding="utf-8")
+        (folder / f"{name}.py").write_text(f"{text}\n{'x = 1' * (name == changed)}", encoding="utf-8")
     return folder
 
 
-@pytest.mark.parametrize("changed", ["fill", "rows", "linear", "tolerances", "compiled", "stack/kernel_rows"])
+@pytest.mark.parametrize("changed", FILES)
 def test_machine_code_depends_on_every_text_that_it_is_made_of_and_on_no_other(tmp_path: Path, changed: str):
-    before, after = package(tmp_path / "before"), package(tmp_path / "after", **{changed: "x = 1"})
-    same = {
-        name: digest(before / f"a/compiled/{name}.py", before) == digest(after / f"a/compiled/{name}.py", after)
-        for name in ("linear", "rows", "fill")
-    }
-    takes_in = {"fill": ["fill"], "rows": ["rows", "fill"]}.get(changed, ["linear", "rows", "fill"])
-    assert same == {name: name not in takes_in for name in same}
+    before, after = package(tmp_path / "before"), package(tmp_path / "after", changed)
+    kernels = [LINEAR, ROWS, FILL, TASK, OWN, SHARED]
+    other = {name for name in kernels
+             if digest(before / f"{name}.py", before / "wbc") != digest(after / f"{name}.py", after / "wbc")}  # fmt: skip
+    of_users = {OWN, SHARED}
+    takes_in = {
+        FILL: {FILL, *of_users}, ROWS: {ROWS, FILL, TASK, *of_users}, TASK: {TASK, *of_users}, OWN: of_users,
+        SHARED: of_users, "mine/other": set[str](),
+    }  # fmt: skip
+    assert other == takes_in.get(changed, set(kernels))
+
+
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled then")
+def test_machine_code_of_a_user_is_kept_until_what_it_is_made_of_changes(tmp_path: Path):
+    (tmp_path / "of_a_user").mkdir()
+    shared, own = tmp_path / "of_a_user/shared.py", tmp_path / "of_a_user/own.py"
+    own.write_text(
+        "from wbc.compiled import callee\nfrom wbc.stack.compiled.row_kernel import rows\nfrom .shared import GAIN\n\n"
+        "@callee\ndef own(at: int) -> int:\n    k = rows(at)\n    k.e[0] = GAIN * k.numbers[0]\n    return 1\n"
+    )
+    script = """if True:
+        import numpy as np
+        import wbc
+        from wbc.stack.compiled.row_memory import called, kernel_of
+        from wbc.stack.kernel_rows import KernelRows
+        robot = wbc.load("arm")
+        said = KernelRows("of_a_user.own:own", numbers=[3.0], constant=np.zeros((1, robot.nv)))
+        print(called(said, 1, robot.state()).e[0], bool(kernel_of(said.kernel)._made.cache_hits))
+    """
+    paths = os.pathsep.join([str(tmp_path), str(ROOT)])
+    environment = {**os.environ, "PYTHONPATH": paths, "PYTHONDONTWRITEBYTECODE": "1"}
+    said = []
+    for gain in (2.0, 2.0, 5.0):
+        shared.write_text(f"GAIN = {gain}\n")
+        run = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True)
+        said.append(run.stdout.split() or run.stderr)
+    assert said == [["6.0", "False"], ["6.0", "True"], ["15.0", "False"]]
 
 
 @pytest.mark.parametrize("kind", ["UserProvidedCacheLocator", "InTreeCacheLocator", "UserWideCacheLocator"])
@@ -54,9 +92,9 @@ def test_wherever_machine_code_is_kept_it_is_of_the_sources_as_they_are(monkeypa
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
     kinds: Any = caching._SourceFileBackedLocatorMixin.__subclasses__()
     (locator,) = (one for one in kinds if one.__name__.lstrip("_") == kind)
-    kernel, other = (locator(f, f.__code__.co_filename) for f in (linear.factor.py_func, package))
+    kernel, other = (locator(f, f.__code__.co_filename) for f in (linear.factor.py_func, modules_after))
     assert kernel.get_source_stamp()[-1] == digest(Path(linear.__file__))
-    assert other.get_source_stamp() == compiled._stamp_of_file(other)
+    assert other.get_source_stamp() == caching._SourceFileBackedLocatorMixin.get_source_stamp(other)
 
 
 def test_machine_code_of_other_types_or_of_a_version_before_is_not_taken(monkeypatch: Any, tmp_path: Path) -> None:
@@ -102,7 +140,7 @@ def test_what_cannot_be_kept_or_read_is_compiled(tmp_path: Path) -> None:
 def test_kernels_take_in_nothing_that_their_machine_code_is_not_compared_with():
     """Names in functions of kernels come from files of kernels, or from those that all of them are compared with."""
     seen = ("wbc.compiled", "wbc.tolerances", "wbc.stack.kernel_rows", "wbc.types")  # types are in no machine code
-    for path in Path(wbc.__file__).parent.rglob("*.py"):
+    for path in (path for package in ("wbc", "tasks") for path in (ROOT / package).rglob("*.py")):
         tree = ast.parse(path.read_text(encoding="utf-8"))
         kernels = [
             node for node in tree.body if isinstance(node, ast.FunctionDef)
@@ -114,7 +152,8 @@ def test_kernels_take_in_nothing_that_their_machine_code_is_not_compared_with():
         assert path.parent.name == "compiled" or path == Path(compiled.__file__)
         unseen = {
             name.asname or name.name
-            for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("wbc")
+            for node in ast.walk(tree)
+            if isinstance(node, ast.ImportFrom) and (node.level or (node.module or "").startswith("wbc"))
             and ".compiled." not in (node.module or "") and node.module not in seen
             for name in node.names
         }  # fmt: skip
@@ -123,9 +162,11 @@ def test_kernels_take_in_nothing_that_their_machine_code_is_not_compared_with():
 
 
 def test_one_command_compiles_every_kernel_and_none_in_both_of_its_processes():
-    root = Path(wbc.__file__).parent
-    kernels = (path for path in root.rglob("compiled/*.py") if path.name != "__init__.py")
-    every = {".".join(path.relative_to(root.parent).with_suffix("").parts): path for path in kernels}
+    every = {
+        ".".join([name, *path.relative_to(ROOT / package).with_suffix("").parts]): path
+        for package, name in {"wbc": "wbc", "tasks": "wbc.tasks"}.items()
+        for path in (ROOT / package).rglob("compiled/*.py") if path.name != "__init__.py"
+    }  # fmt: skip
     first, second = (every.keys() & modules_after(f"import {', '.join(modules)}") for modules in MODULES)
     assert first | second == every.keys()
     at_once = re.compile(r"^@(entry|part)$", re.MULTILINE)
@@ -150,7 +191,9 @@ def test_numbers_that_a_kernel_would_read_otherwise_are_refused(matrix: Any):
 @pytest.mark.skipif(numba.config.DISABLE_JIT or numba.config.BOUNDSCHECK, reason="a part is then no code of its own")
 def test_a_kernel_that_others_take_in_is_their_own_copy(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of copies with one name the loader keeps the first: last digits would depend on what was loaded before."""
-    monkeypatch.setattr(compiled, "_kept", lambda make, **more: make(_nrt=False, **more))  # compiled here and now
+    monkeypatch.setattr(
+        compiled, "_kept", lambda make, function, **more: make(_nrt=False, **more)(function)
+    )  # compiled here and now
 
     @part
     def solved(at: int, n: int) -> None:
