@@ -25,7 +25,6 @@ from wbc.qp.rows.compiled import linear
 from wbc.qp.rows.compiled.linear import factor
 from wbc.types import Index, Mat
 
-
 ROOT = Path(wbc.__file__).parents[1]
 LINEAR, ROWS, FILL = (f"wbc/a/compiled/{name}" for name in ("linear", "rows", "fill"))
 TASK, OWN, SHARED = "tasks/compiled/task", "mine/own", "mine/shared"
@@ -50,8 +49,10 @@ def package(folder: Path, changed: str = "") -> Path:
 def test_machine_code_depends_on_every_text_that_it_is_made_of_and_on_no_other(tmp_path: Path, changed: str):
     before, after = package(tmp_path / "before"), package(tmp_path / "after", changed)
     kernels = [LINEAR, ROWS, FILL, TASK, OWN, SHARED]
-    other = {name for name in kernels
-             if digest(before / f"{name}.py", before / "wbc") != digest(after / f"{name}.py", after / "wbc")}  # fmt: skip
+    other = {
+        name for name in kernels
+        if digest(before / f"{name}.py", before / "wbc") != digest(after / f"{name}.py", after / "wbc")
+    }  # fmt: skip
     of_users = {OWN, SHARED}
     takes_in = {
         FILL: {FILL, *of_users}, ROWS: {ROWS, FILL, TASK, *of_users}, TASK: {TASK, *of_users}, OWN: of_users,
