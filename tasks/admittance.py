@@ -86,7 +86,7 @@ class Admittance(Tracking, KernelTask):
     def kernel_rows(self) -> KernelRows:
         numbers = [*self._held, *self._compliance, *self._mobility]
         return KernelRows.tracking(
-            self, "wbc.tasks.compiled.frame:admittance", self.frame, numbers=numbers, also=(self._read,)
+            self, "wbc.tasks.compiled.frame:admittance", self.frame, numbers=numbers, also=(self._read,), leads=True
         )
 
     @classmethod

@@ -39,7 +39,7 @@ class CenterOfMass(Tracking, KernelTask):
         self.target = target
 
     def kernel_rows(self) -> KernelRows:
-        return KernelRows.tracking(self, "wbc.tasks.compiled.frame:position", CENTRE, numbers=range(3))
+        return KernelRows.tracking(self, "wbc.tasks.compiled.frame:position", CENTRE, numbers=range(3), leads=True)
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -49,7 +49,7 @@ class Frame(Tracking, KernelTask):
         model.check_frame(self.frame)
 
     def kernel_rows(self) -> KernelRows:
-        return KernelRows.tracking(self, "wbc.tasks.compiled.frame:pose", self.frame, numbers=range(6))
+        return KernelRows.tracking(self, "wbc.tasks.compiled.frame:pose", self.frame, numbers=range(6), leads=True)
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -27,6 +27,7 @@ class _AlongAxes(Tracking, KernelTask):
 
     units = "m"
     _kernel: ClassVar[str]
+    _leads = False
 
     def __init__(
         self, frame: str, *, target: Any, axes: str = "xyz", kp: Any = 100.0, kd: Any = None, rate: Any = None,
@@ -45,7 +46,7 @@ class _AlongAxes(Tracking, KernelTask):
 
     def kernel_rows(self) -> KernelRows:
         axes = ["xyz".index(axis) for axis in self.labels]
-        return KernelRows.tracking(self, self._kernel, self.frame, numbers=axes)
+        return KernelRows.tracking(self, self._kernel, self.frame, numbers=axes, leads=self._leads)
 
 
 @final
@@ -66,6 +67,7 @@ class Position(_AlongAxes):
     """
 
     _kernel = "wbc.tasks.compiled.frame:position"
+    _leads = True
 
     @classmethod
     def samples(cls, model: RobotModel) -> list[Self]:

@@ -210,7 +210,7 @@ def _task(task: Objective) -> dict[str, Any]:
     rows = range(task.dim)
     found: dict[str, Any] = {"units": [task.unit(k) for k in rows], "labels": [task.label(k) for k in rows]}
     said = kernel_rows_of(task)
-    if said is not None and said.kernel.startswith("frame."):
+    if said is not None and said.leads:
         (thing,) = said.of
         found["point"] = "" if thing == CENTRE else thing  # whose place its rows in metres are about
     return found

@@ -43,6 +43,8 @@ class KernelRows:
     constant: Mat | None = None
     #: What a kernel reads beside: v, gravity "g" or all of "h", (nv,) each.
     bias: Literal["v", "g", "h"] = "v"
+    #: Whether rows in metres are the way of the one thing to its target along the axes of the world: reports draw it.
+    leads: bool = False
 
     @classmethod
     def tracking(
