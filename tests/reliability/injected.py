@@ -49,7 +49,7 @@ def faults(name: str, count: int, *, seed: int = 0, other: bool = True) -> Tally
 
 
 class Whim(Schedule):
-    """Which feet hold is drawn anew every few ticks; at least one does."""
+    """Which feet hold, if any, is drawn anew every few ticks."""
 
     def __init__(self, frames: list[str], rng: np.random.Generator) -> None:
         super().__init__(name="whim")
@@ -60,12 +60,12 @@ class Whim(Schedule):
         sets = [()]
         for frame in self._frames:
             sets += [(*chosen, frame) for chosen in sets]
-        return [chosen for chosen in sets if chosen]
+        return sets
 
     def contacts(self, state: RobotState, last: object) -> Any:
         if last is not None and self._rng.uniform() < 0.5:
             drawn = tuple(frame for frame in self._frames if self._rng.uniform() < 0.6)
-            if drawn and drawn != self._now:
+            if drawn != self._now:
                 self._now, self.changes = drawn, self.changes + 1
         return self._now
 
@@ -89,8 +89,9 @@ def contact_changes(name: str, count: int, *, seed: int = 0) -> Tally:
         bad += not command.certificate.ok or not np.isfinite(np.r_[command.tau, command.a, command.q]).all()
         q, v, t, ticks = np.array(command.q), np.array(command.v), t + control.dt, ticks + 1
         if ticks % 20 == 0:
-            step = 0.02 * rng.normal(size=robot.nv)
-            q, v = robot.integrate(robot.q0, step), 0.1 * rng.normal(size=robot.nv)
+            step = rng.uniform(0.0, 0.1) * rng.normal(size=robot.nv)
+            q, v = robot.integrate(robot.q0, step), rng.uniform(0.0, 0.3) * rng.normal(size=robot.nv)
+    assert control.plans.unplanned == 0
     return Tally(count, bad, fallback_levels)
 
 
