@@ -33,7 +33,6 @@ from tasks import (
     TorqueLimits,
 )  # fmt: skip
 from tasks.motions import pose_motion, swing
-from tests.stack.conftest import Saying
 from wbc import AccelerationLevel, Controller, InverseDynamics, Stack, VelocityLevel
 from wbc.errors import InvalidInput
 
@@ -165,25 +164,50 @@ def test_a_subclass_that_writes_its_own_rows_is_asked_for_them():
     np.testing.assert_allclose(own.motion.wanted[:3], -plain.motion.wanted[:3], rtol=1e-12)
 
 
-def vector_motion(kind: str, rng: np.random.Generator, n: int, ramp: float):
-    one, two, *more = rng.normal(size=(6, n))
+def motion_of(kind: str, rng: np.random.Generator, n: int):
+    """A motion of the library, of ``n`` numbers or of a pose, and the moments that matter to it."""
+    start, duration, (one, two, *more) = rng.uniform(-1.0, 2.0), 0.1 + rng.random(), rng.normal(size=(6, n))
     if kind == "sinusoid":
-        return Sinusoid(one, amplitude=two, frequency=more[0], phase=more[1], ramp=ramp)
-    return MinimumJerk(
-        one, two, duration=0.1 + rng.random(), start_time=ramp, start_rate=more[0], end_rate=more[1]
-    )  # fmt: skip
+        ramp = rng.choice([0.0, 1e-3, 1.0])
+        return Sinusoid(one, amplitude=two, frequency=more[0], phase=more[1], ramp=ramp), [0.0, ramp]
+    if kind == "minimum jerk":
+        ends = {"start_time": start, "start_rate": more[0], "end_rate": more[1]}
+        return MinimumJerk(one, two, duration=duration, **ends), [start, start + duration]
+    if kind == "pose":  # to one turned by nothing, by next to nothing, and by nearly half a turn
+        angle, axis = rng.choice([0.0, 1e-9, 1e-3 * rng.random(), 3.0 * rng.random()]), one / np.linalg.norm(one)
+        first = pinocchio.SE3(pinocchio.exp3(rng.normal(size=3)), two)
+        last = pinocchio.SE3(pinocchio.exp3(angle * axis) @ first.rotation, more[0])
+        lift = rng.choice([0.0, 0.1])
+        motion = PoseInterpolation(first, last, duration=duration, start_time=start, lift=lift)
+        return motion, [start, start + duration]
+    if kind.startswith("samples"):
+        count, poses = rng.integers(1, 10), kind.endswith("poses")
+        values = [pinocchio.SE3(pinocchio.exp3(x), y) if poses else y for x, y in rng.normal(size=(count, 2, n))]
+        known = dict(zip(("rates", "accelerations"), rng.normal(size=(2, count, 6 if poses else n)), strict=True))
+        motion = Samples(values, period=0.1, **(known if rng.random() < 0.5 else {}))
+        return motion, 0.05 * rng.integers(-2, 2 * count + 3, 4)  # at samples, halfway, before and after
+    kinds = {"pieces": ["sinusoid", "minimum jerk", "pieces"], "pieces of poses": ["pose"]}[kind]
+    starts = np.sort(rng.uniform(-1.0, 3.0, rng.integers(1, 4)))
+    return Piecewise([(start, motion_of(rng.choice(kinds), rng, n)[0]) for start in starts]), starts
 
 
-def interpolated(rng: np.random.Generator, start_time: float, angle: float):
-    """From any pose to one turned by an angle, in 0.5 s."""
-    axis = rng.normal(size=3)
-    start = pinocchio.SE3(pinocchio.exp3(rng.normal(size=3)), rng.normal(size=3))
-    turned = pinocchio.exp3(angle * axis / np.linalg.norm(axis)) @ start.rotation
-    end = pinocchio.SE3(turned, rng.normal(size=3))
-    return PoseInterpolation(start, end, duration=0.5, start_time=start_time, lift=rng.choice([0.0, 0.1]))
+@pytest.mark.parametrize("kind", ["sinusoid", "minimum jerk", "samples", "pieces"])
+@pytest.mark.parametrize("axes", ["x", "xz", "xyz"])
+@given(numbers=st.integers(0, 2**32 - 1), others=st.lists(st.floats(-1e3, 1e3) | st.floats(-2.0, 4.0), max_size=3))
+def test_motions_of_the_library_are_evaluated_as_they_are_when_called(kind, axes, numbers, others):
+    """Before, at and after each moment that matters, and between; some are made of pieces themselves."""
+    motion, at = motion_of(kind, np.random.default_rng(numbers), len(axes))
+    assert_evaluated_as_called(motion, lambda target: Position("tool", target=target, axes=axes, kp=50.0), at, others)
 
 
-def assert_evaluated_as_called(motion, make, times):
+@pytest.mark.parametrize("kind", ["pose", "samples of poses", "pieces of poses"])
+@given(numbers=st.integers(0, 2**32 - 1), others=st.lists(st.floats(-1e3, 1e3) | st.floats(-2.0, 4.0), max_size=3))
+def test_motions_of_poses_are_evaluated_as_they_are_when_called(kind, numbers, others):
+    motion, at = motion_of(kind, np.random.default_rng(numbers), 3)
+    assert_evaluated_as_called(motion, lambda target: Frame("tool", target=target, kp=50.0), at, others)
+
+
+def assert_evaluated_as_called(motion, make, at, others):
     """The rows of two plans: one is given the motion, the other a function that calls it."""
     called = []
 
@@ -194,7 +218,7 @@ def assert_evaluated_as_called(motion, make, times):
     stacks = [Stack([make(target)]) for target in (motion, other)]
     state, plans = ARM.state(), [AccelerationLevel().compile(ARM, stack, dt=1e-3) for stack in stacks]
     assert not plans[0]._bound.moving, "the motion is evaluated by compiled code"
-    for t in times:
+    for t in [*at, *np.nextafter(at, -9.0), *others]:
         state.update(t, ARM.q0, np.ones(ARM.nv))
         for plan in plans:
             plan.fill(state)
@@ -203,65 +227,6 @@ def assert_evaluated_as_called(motion, make, times):
         for what in ("e", "rate_ref", "acc_ref", "wanted"):
             found, expected = getattr(mine, what), getattr(asked, what)
             np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12 * (1.0 + np.abs(expected).max()))
-
-
-@given(
-    times=st.lists(st.floats(-1.0, 4.0), min_size=2, max_size=4), numbers=st.integers(0, 2**32 - 1),
-    axes=st.sampled_from(["x", "xz", "yz", "xyz"]), ramp=st.sampled_from([0.0, 1e-3, 1.0]),
-    kind=st.sampled_from(["sinusoid", "minimum jerk"]),
-)  # fmt: skip
-def test_motions_of_the_library_are_evaluated_as_they_are_when_called(times, numbers, axes, ramp, kind):
-    motion = vector_motion(kind, np.random.default_rng(numbers), len(axes), ramp)
-    assert_evaluated_as_called(motion, lambda target: Position("tool", target=target, axes=axes, kp=50.0), times)
-
-
-@given(
-    times=st.lists(st.sampled_from([0.2, 0.7]) | st.floats(-0.5, 1.5), min_size=2, max_size=4),
-    numbers=st.integers(0, 2**32 - 1), angle=st.floats(0.0, 3.0) | st.floats(0.0, 1e-3) | st.sampled_from([0.0, 1e-9]),
-)  # fmt: skip
-def test_interpolated_poses_are_evaluated_as_they_are_when_called(times, numbers, angle):
-    """Before the start, at it, on the way, at the end, and after it; by no turn, by a small one and by nearly half."""
-    motion = interpolated(np.random.default_rng(numbers), 0.2, angle)
-    assert_evaluated_as_called(motion, lambda target: Frame("tool", target=target, kp=50.0), times)
-
-
-@given(
-    starts=st.lists(st.floats(-1.0, 3.0), min_size=1, max_size=4, unique=True).map(sorted),
-    kinds=st.lists(st.sampled_from(["sinusoid", "minimum jerk", "pieces"]), min_size=4, max_size=4),
-    between=st.floats(-1.5, 4.0), numbers=st.integers(0, 2**32 - 1), poses=st.booleans(),
-)  # fmt: skip
-def test_motions_one_after_another_are_evaluated_as_they_are_when_called(starts, kinds, between, numbers, poses):
-    """Before the first starts, at each knot, and between them; some are made of pieces themselves."""
-    rng = np.random.default_rng(numbers)
-
-    def piece(kind: str):
-        if poses:
-            return interpolated(rng, rng.random(), 2.0)
-        if kind == "pieces":
-            return Piecewise([(0.0, piece("sinusoid")), (0.5, piece("minimum jerk"))])
-        return vector_motion(kind, rng, 3, 0.0)
-
-    motion = Piecewise([(start, piece(kind)) for start, kind in zip(starts, kinds, strict=False)])
-    make = Frame if poses else Position
-    times = [starts[0] - 1.0, *starts, *np.nextafter(starts, -2.0), between]
-    assert_evaluated_as_called(motion, lambda target: make("tool", target=target, kp=50.0), times)
-
-
-@given(
-    times=st.lists(st.integers(-2, 12).map(lambda k: 0.05 * k) | st.floats(-1e3, 1e3), min_size=2, max_size=4),
-    numbers=st.integers(0, 2**32 - 1), count=st.integers(1, 9), poses=st.booleans(), has_rates=st.booleans(),
-)  # fmt: skip
-def test_samples_are_evaluated_as_they_are_when_called(times, numbers, count, poses, has_rates):
-    """At each sample, halfway between two, before the first and after the last."""
-    rng = np.random.default_rng(numbers)
-    values = [
-        pinocchio.SE3(pinocchio.exp3(rng.normal(size=3)), rng.normal(size=3)) if poses else rng.normal(size=3)
-        for _ in range(count)
-    ]
-    rates = rng.normal(size=(2, count, 6 if poses else 3)) if has_rates else (None, None)
-    motion = Samples(values, period=0.1, rates=rates[0], accelerations=rates[1])
-    make = Frame if poses else Position
-    assert_evaluated_as_called(motion, lambda target: make("tool", target=target, kp=50.0), times)
 
 
 def test_pieces_of_which_one_is_a_users_are_called():
@@ -322,16 +287,6 @@ def test_a_task_of_ones_own_stays_python_and_is_called():
     np.testing.assert_allclose(answer.a, expected.a, rtol=0, atol=1e-9)
 
 
-def test_limits_replaced_by_a_component_hold():
-    stack, saying = reaching(), Saying()
-    stack = Stack(stack.levels, subject_to=stack.subject_to, components=[saying])
-    controller = Controller(ARM, stack, level=AccelerationLevel())
-    q, v = np.array(ARM.q0), np.zeros(ARM.nv)
-    controller.tick(0.0, q, v)
-    saying.now = wbc.Overrides(velocity=(-0.01, 0.01))
-    assert np.abs(controller.tick(1e-3, q, v).v[ARM.nb :]).max() <= 0.01 + 1e-9
-
-
 def test_forces_and_inertia_that_components_know_of_are_in_the_torques():
     class Load(wbc.Component):
         def before(self, state, last, plan):
@@ -343,29 +298,6 @@ def test_forces_and_inertia_that_components_know_of_are_in_the_torques():
     bare = Controller(ARM, Stack([Posture(ARM.q0)]), level=InverseDynamics()).tick(0.0, ARM.q0, still)
     more = np.arange(1.0, 1.0 + ARM.nv) + 0.1 * loaded.a
     np.testing.assert_allclose(loaded.tau - bare.tau, more, rtol=0, atol=1e-9)
-
-
-def test_inertia_that_a_component_no_longer_adds_is_gone():
-    saying, v = Saying(), np.zeros(ARM.nv)
-    target = 0.9 * ARM.q0 + 0.1
-    controller = Controller(ARM, Stack([Posture(target)], components=[saying]), level=InverseDynamics())
-    before = controller.tick(0.0, ARM.q0, v).tau
-    saying.now = wbc.Overrides(inertia=np.eye(ARM.nv))
-    with_it = controller.tick(1e-3, ARM.q0, v)
-    np.testing.assert_allclose(with_it.tau - before, with_it.a, rtol=0, atol=1e-9 * (1.0 + np.abs(with_it.a).max()))
-    saying.now = wbc.Overrides()
-    np.testing.assert_allclose(controller.tick(2e-3, ARM.q0, v).tau, before, rtol=0, atol=1e-9)
-
-
-def test_another_solver_gets_the_same_rows():
-    controller = Controller(ARM, reaching(), level=InverseDynamics(), solver="daqp")
-    assert controller.form == "standard"
-    assert controller.tick(0.0, ARM.q0, np.zeros(ARM.nv)).status.ok
-
-
-def test_there_is_no_other_way_to_fill():
-    with pytest.raises(TypeError, match="fast"):
-        Controller(ARM, reaching(), level=InverseDynamics(), fast=True)  # type: ignore[call-arg]
 
 
 @pytest.mark.filterwarnings("error")
