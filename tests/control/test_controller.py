@@ -10,7 +10,6 @@ import pytest
 
 import wbc
 from tasks import (
-    CenterOfMass,
     Damping,
     Frame,
     JointPositionLimits,
@@ -21,7 +20,7 @@ from tasks import (
 )
 from tests.stack.conftest import moving, standing
 from wbc.control.answer import distances
-from wbc.errors import InvalidInput, NotSupported, UnknownContact, WbcError
+from wbc.errors import InvalidInput, NotSupported, WbcError
 from wbc.types import Status
 
 
@@ -49,17 +48,6 @@ def test_next_velocity_and_configuration_follow_from_the_acceleration(humanoid: 
     command = wbc.Controller(humanoid, standing(humanoid), level=wbc.InverseDynamics(), dt=0.002).tick(0.0, q, v)
     np.testing.assert_allclose(command.v, v + 0.002 * command.a)
     np.testing.assert_allclose(command.q, humanoid.integrate(q, 0.002 * (v + 0.001 * command.a)))
-
-
-def test_forces_are_read_by_contact_or_by_frame(humanoid: Any) -> None:
-    command = wbc.Controller(humanoid, standing(humanoid), level=wbc.InverseDynamics()).tick(
-        0.0, humanoid.q0, np.zeros(humanoid.nv)
-    )
-    assert command.f["left_sole"] is command.f["Sole[left_sole]"]
-    assert sum(f[2] for f in command.f.values()) == pytest.approx(9.81 * humanoid.mass, rel=0.02)
-    for kind in (KeyError, UnknownContact):
-        with pytest.raises(kind, match=r"there is no contact 'left_solo'; did you mean 'left_sole'"):
-            command.f["left_solo"]
 
 
 def test_a_command_outlives_the_next_ticks_but_its_solution_does_not(humanoid: Any) -> None:
@@ -106,22 +94,6 @@ def test_a_task_has_all_the_units_of_its_rows(arm: Any) -> None:
     assert units["Frame[tool]"] == "m/s, rad/s" and units["Position[elbow]"] == "m/s" and units["Damping"] == "rad/s"
 
 
-def test_what_is_no_number_is_named(arm: Any) -> None:
-    control = reaching(arm)
-    for nonsense in (np.zeros(7, complex), ["a"] * 7, np.zeros(7, "datetime64[s]"), [object()] * 7, [[0.0], 6 * [0.0]]):
-        for name in "tqv":
-            arguments = {"t": 0.0, "q": np.zeros(7), "v": np.zeros(7)} | {name: nonsense}
-            with pytest.raises(InvalidInput, match=rf"takes a time \[s\] and two vectors of real numbers; {name} is "):
-                control.tick(**arguments)
-
-
-def test_a_solver_that_cannot_keep_limits_is_refused_by_name(arm: Any) -> None:
-    offline = [name for name in wbc.solvers() if wbc.qp.solvers.by_name(name).offline]
-    for name in offline:
-        with pytest.raises(NotSupported, match=name):
-            reaching(arm, solver=name)
-
-
 @pytest.mark.parametrize("level", [wbc.VelocityLevel(), wbc.AccelerationLevel(), wbc.InverseDynamics()])
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 def test_a_state_that_is_not_finite_gives_the_last_command_then_brakes(arm: Any, level: Any, bad: float) -> None:
@@ -143,48 +115,6 @@ def test_a_state_that_is_not_finite_gives_the_last_command_then_brakes(arm: Any,
     assert not damped.certificate.ok
     again = control.tick(4e-3, q, v)
     assert (again.status, again.fallback_level) == (Status.SOLVED, "solved")
-
-
-def test_a_bad_first_state_brakes_within_the_torque_limits(arm: Any) -> None:
-    command = reaching(arm).tick(0.0, np.full(7, np.nan), np.zeros(7))
-    assert command.fallback_level == "damped"
-    assert (np.abs(command.tau) <= arm.limits.tau_max).all()
-
-
-def test_a_target_that_becomes_nan_is_never_followed(arm: Any) -> None:
-    def target(t: float) -> Any:
-        return np.array([0.5, 0.2, np.nan if t > 0.5 else 0.4])
-
-    stack = wbc.Stack([Position("tool", target=target), Posture(arm.q0, weight=1e-2)], subject_to=[TorqueLimits()])
-    for level in (wbc.InverseDynamics(), wbc.VelocityLevel()):
-        if not level.dynamics:
-            stack = wbc.Stack(stack.tasks)
-        control = wbc.Controller(arm, stack, level=level)
-        good = control.tick(0.0, arm.q0, np.zeros(7))
-        command = control.tick(1.0, arm.q0, np.zeros(7))
-        assert not command.status.ok
-        assert command.fallback_level == "hold"
-        decided = [c.tau if level.dynamics else c.v for c in (command, good)]
-        np.testing.assert_array_equal(*decided)
-        assert "Position[tool]" in control.explain(), "what is not a number is named"
-        assert control.tick(0.1, arm.q0, np.zeros(7)).status.ok
-
-
-def test_an_infeasible_stack_is_said_and_survived(arm: Any) -> None:
-    up = Position("tool", target=[0.5, 0.2, 5.0], kp=1e6, name="up")
-    stack = wbc.Stack([Posture(arm.q0)], subject_to=[up.exactly(), TorqueLimits(1.0)])
-    for relax, expected in ((("constraints",), "relaxed"), ((), "closed form")):
-        control = wbc.Controller(arm, stack, level=wbc.InverseDynamics(), recovery=wbc.Recovery(relax=relax))
-        command = control.tick(0.0, arm.q0, np.zeros(7))
-        assert command.status is Status.INFEASIBLE
-        assert command.fallback_level == expected
-        assert command.certificate.ok == (expected == "relaxed"), "of the relaxed problem"
-        assert (np.abs(command.tau) <= 1.0).all()
-        text = control.explain()
-        assert "infeasible" in text
-        assert "up exactly" in text, "the rows that conflict are named"
-        assert "TorqueLimits" in text
-        assert "instead: " in text
 
 
 def test_a_quaternion_is_normalised_or_refused(humanoid: Any) -> None:
@@ -221,18 +151,6 @@ def test_what_is_commanded_without_a_solution_keeps_the_joints_limits(arm: Any, 
     assert not command.status.ok
     if hold_ticks == 0:
         assert np.abs(v).max() < 1e-3, "the robot has come to rest"
-
-
-def test_braking_is_stable_for_any_time_step(arm: Any) -> None:
-    up = Position("tool", target=[0.5, 0.2, 5.0], kp=20.0, name="up")
-    down = Position("tool", target=[0.5, 0.2, -5.0], kp=20.0, name="down")
-    stack = wbc.Stack([Posture(arm.q0, kp=20.0)], subject_to=[up.exactly(), down.exactly()])
-    control = wbc.Controller(arm, stack, level=wbc.AccelerationLevel(), dt=0.2)
-    q, v = np.array(arm.q0), np.full(7, 0.1)
-    for k in range(10):
-        command = control.tick(0.2 * k, q, v)
-        q, v = command.q, command.v
-    assert np.abs(v).max() <= 0.1
 
 
 def test_a_solution_is_not_read_after_reset_and_is_nan_where_there_is_none(arm: Any) -> None:
@@ -337,18 +255,6 @@ def test_a_task_that_is_done_in_part_is_as_near_as_its_direction_and_its_share_a
     for part in (direction, share):  # both in the unit of the task, whatever its rows weigh
         assert distances(p, known | {part: 1e-3})[reach.name] == pytest.approx(1e-3)
         assert np.isnan(distances(p, {name: bound for name, bound in known.items() if name != part})[reach.name])
-
-
-def test_explain_tells_which_limit_holds_a_joint(arm: Any) -> None:
-    stack = wbc.Stack(
-        [CenterOfMass(target=[1.0, 1.0, 1.0], rate=1000.0), Posture(arm.q0, weight=1e-3)],
-        subject_to=[JointVelocityLimits(0.5), JointPositionLimits()],
-    )
-    control = wbc.Controller(arm, stack, level=wbc.VelocityLevel())
-    control.tick(0.0, arm.q0, np.zeros(7))
-    text = control.explain()
-    assert "JointVelocityLimits" in text
-    assert "0.5 rad/s" in text
 
 
 def test_a_controller_says_what_it_is_when_it_is_printed():

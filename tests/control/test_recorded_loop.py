@@ -150,43 +150,38 @@ class Says(wbc.Component):
         return {"x": np.ones(self.size)}
 
 
+HAND = {"frame": "left_hand", "name": "member"}
+FOOT: dict[str, Any] = {"frame": "left_sole", "friction": 0.5, "name": "member"}
+
+
 @pytest.mark.parametrize("swapped", [False, True])
 @pytest.mark.parametrize(
-    "members",
+    ("place", "members"),
     [
-        [
-            {"tasks": Position("left_hand", target=[0.4, 0.2, 1.0], name="member")},
-            {"tasks": Frame("left_hand", target=np.eye(4), name="member")},
-        ],
-        [
-            {"subject_to": BoxLimits("left_hand", lower=[-2.0] * 3, upper=[2.0] * 3, name="member")},
-            {"subject_to": HalfSpaceLimit("left_hand", normal=[0.0, 0.0, 1.0], offset=-2.0, name="member")},
-        ],
-        [
-            {"contacts": Point("left_sole", friction=0.5, name="member")},
-            {"contacts": Sole("left_sole", half_size=(0.1, 0.05), friction=0.5, name="member")},
-        ],
-        [{"components": Says(2)}, {"components": Says(3)}],
+        ("tasks", [Position(**HAND, target=[0.4, 0.2, 1.0]), Frame(**HAND, target=np.eye(4))]),
+        ("subject_to", [BoxLimits(**HAND, upper=2.0), HalfSpaceLimit(**HAND, normal=[0, 0, 1], offset=-2.0)]),
+        ("contacts", [Point(**FOOT), Sole(**FOOT, half_size=(0.1, 0.05))]),
+        ("components", [Says(2), Says(3)]),
     ],
-    ids=["task", "barrier", "contact", "signal"],
 )
 @pytest.mark.filterwarnings("ignore::wbc.models.plausible.NothingHoldsTheBase")
-def test_a_stack_whose_member_has_the_name_but_not_the_size_is_recorded_without_it(members: Any, swapped: bool):
-    """A loop goes on: of the other member there is nothing in the columns of the first."""
+def test_a_stack_whose_member_has_the_name_but_not_the_size_is_recorded_without_it(
+    place: str, members: list[Any], swapped: bool
+):
+    """A loop goes on: of the other member, and of new ones, there is nothing in the columns of the first."""
     robot = wbc.load("humanoid")
-    first, other = (
-        wbc.Stack(
-            [Posture(robot.q0), *([one["tasks"]] if "tasks" in one else [])],
-            **{place: [one[place]] for place in ("subject_to", "contacts", "components") if place in one},
-        )
-        for one in (reversed(members) if swapped else members)
-    )
+    stacks = [
+        wbc.Stack(**({"tasks": [posture]} | {place: [posture, one] if place == "tasks" else [one]}))
+        for posture, one in zip((Posture(robot.q0), Posture(robot.q0, name="new")), members, strict=True)
+    ]
+    first, other = stacks[::-1] if swapped else stacks
     driver, recorder = wbc.Controller(robot, first, level=wbc.InverseDynamics(), dt=DT), wbc.Recorder(8)
     for k, stack in enumerate([first, other, first]):
         if k:
             driver.replace(stack)
         recorder.tick(driver, DT * k, robot.q0, np.zeros(robot.nv))
     run = recorder.run()
+    assert np.isfinite(run["v_cmd"]).all() and f"error.{'Posture' if swapped else 'new'}" not in run.columns
     held = {
         name: np.isfinite(values).all(axis=1)
         for name, values in run.items()

@@ -238,22 +238,6 @@ def test_a_stack_that_makes_no_sense_leaves_the_one_before(stack: Any, error: ty
             asked.replace(stack)
 
 
-def test_a_record_goes_on_with_the_columns_that_both_stacks_have():
-    limits = [JointVelocityLimits(1.0)]
-    every = stacks(limits)
-    controller, recorder = wbc.Controller(ARM, every["posture"], level=LEVELS[0], dt=DT), wbc.Recorder(10)
-    q, v = ARM.q0, np.zeros(ARM.nv)
-    for k in range(10):
-        if k == 4:
-            controller.replace(every["reach"])
-        command = recorder.tick(controller, k * DT, q, v)
-        q, v = command.q, command.v
-    run_ = recorder.run()
-    assert run_.rows == 10 and np.isfinite(run_["v_cmd"]).all()
-    assert np.isnan(run_["error.Posture"][4:]).all() and np.isfinite(run_["error.Posture"][:4]).all()
-    assert "error.Position[tool]" not in run_.columns
-
-
 @pytest.mark.parametrize("level", LEVELS)
 def test_of_a_stack_without_a_tick_nothing_is_said(level: Any, tmp_path: Any):
     """Its problem is filled and not solved: it has no residuals, no active rows and no solution."""

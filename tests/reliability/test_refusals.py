@@ -252,6 +252,12 @@ CONTROL = (
     *((lambda given=given: wbc.Recovery(**given), next(iter(given))) for given in (
         {"relax": ("torques",)}, {"relax": "constraints"}, {"relax": ("constraints", "constraints")},
         {"relax": ([1],)})),
+    *((lambda name=name: controller(solver=name), name, NotSupported)
+      for name in wbc.solvers() if wbc.qp.solvers.by_name(name).offline),
+    *((lambda given=given: controller().tick(**{"t": 0.0, "q": ARM.q0, "v": 0 * ARM.q0} | given),
+       f"takes a time .s. and two vectors of real numbers; {next(iter(given))} is ") for given in (
+        {name: junk} for name in "tqv" for junk in (
+            np.zeros(7, complex), ["a"] * 7, np.zeros(7, "datetime64[s]"), [object()] * 7, [[0.0], 6 * [0.0]]))),
     (lambda: wbc.Setpoint(controller(), feedback="open"), "feedback"),  # type: ignore[arg-type]
     (lambda: wbc.Setpoint(controller(), max_drift=[0.1]), "max_drift"),
     (lambda: Watchdog(late=1.0), "late"),
