@@ -130,24 +130,6 @@ def test_no_parametrisation_is_smaller(word: str):
         assert residual[0] > 1e-6 * (forces @ forces)
 
 
-def test_the_four_prismatic_joints_have_the_regressor_of_the_dynamic_coefficients():
-    """Property 31. Y of (Σm, m2 + m3 + m4, m3 + m4, m4)."""
-    d = derive("PxPyPxPy")
-    m1, m2, m3, m4 = d.parameters.values()
-    a1, a2, a3, a4 = d.a
-    assert list(d.coefficients) == [m1 + m2 + m3 + m4, m2 + m3 + m4, m3 + m4, m4]
-    rows = [[a1, 0, a3, 0], [0, a2 + d.g0, 0, a4], [0, 0, a1 + a3, 0], [0, 0, 0, a2 + a4 + d.g0]]
-    assert d.Y == sp.Matrix(rows)
-
-
-@pytest.mark.parametrize(
-    ("word", "count"), [("R", 2), ("RR", 4), ("RRR", 6), ("PR", 3), ("Px", 1), ("PxPx", 2), ("RP", 4)]
-)
-def test_coefficients_are_as_few_as_known(word: str, count: int):
-    """Two numbers a revolute joint in the vertical plane; a mass and what the chain adds for prismatic ones."""
-    assert len(derive(word).coefficients) == count
-
-
 @pytest.mark.parametrize("word", ["PR", "RP", "PyR", "RR", "PxPyPxPy", "PyP"])
 def test_the_cartesian_inertia_is_what_its_definition_says(word: str):
     d = derive(word)

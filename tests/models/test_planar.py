@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 import tasks
 import wbc
 from tests.models.builders import at
-from tests.models.planar_oracle import FOUR, PR, check_against_derivation, in_pinocchio, robots, some_parameters
+from tests.models.planar_oracle import FOUR, PR, check_against_derivation, in_pinocchio, robots
 from wbc.errors import InvalidInput, UnknownFrame, UnknownJoint
 from wbc.models import Limits, Planar4P, PlanarPR
 from wbc.models.lagrange import derive
@@ -215,16 +215,6 @@ def test_the_end_effector_goes_where_it_is_told_at_every_level(robot: Any, level
     assert np.allclose(at(bent, plant.q).frame("end_effector").position, place, atol=2e-3)
 
 
-def test_an_exact_pose_in_the_plane_is_met_by_three_revolute_joints():
-    robot = derive("RRR").robot(some_parameters(derive("RRR").chain)).replace(q0=[0.3, 0.8, 0.5])
-    pose = at(robot, robot.q0 + np.array([0.1, -0.2, 0.15])).frame("end_effector").placement.copy()
-    stack = wbc.Stack([tasks.Frame("end_effector", target=pose, kp=200.0)])
-    plant = ForwardDynamicsPlant(robot, dt=1e-3)
-    closed_loop(wbc.Controller(robot, stack, level=wbc.InverseDynamics(), dt=1e-3), plant, 1.0)
-    there = at(robot, plant.q).frame("end_effector").placement
-    assert np.allclose(there.homogeneous, pose.homogeneous, atol=2e-3)
-
-
 def test_torque_limits_hold_in_newtons_and_newton_metres():
     robot = PlanarPR(m1=1.0, m2=1.0, l2=0.5, d2=0.25, I2=0.1, tau_max=(3.0, 2.6))
     stack = wbc.Stack([tasks.Posture([1.0, 0.5], kp=200.0)], subject_to=[tasks.TorqueLimits()])
@@ -233,18 +223,6 @@ def test_torque_limits_hold_in_newtons_and_newton_metres():
     assert np.allclose(np.abs(torques).max(axis=0), [3.0, 2.6], atol=1e-7)
     units = {row.label: row.unit for row in controller.plan.qp.rows if row.owner.startswith("TorqueLimits")}
     assert units == {"q1": "N", "q2": "N m"}
-
-
-def test_the_torque_task_by_inverse_inertia_gives_the_exercise():
-    """τ(0) = (104/11, −71/22) as a stack: the task exactly, the torque near τ0 in the norm of M⁻¹, the force known."""
-    robot = PlanarPR(m1=1.0, m2=1.0, l2=0.5, d2=0.25, I2=0.1, gravity=0.0).replace(q0=[0.0, np.pi / 2])
-    x = tasks.Position("end_effector", axes="x", target=lambda t: ([1.0 - np.cos(3 * t)], [3.0 * np.sin(3 * t)], [9.0]))
-    tau_0, F = np.array([-1.0, 2.0]), np.array([-1.0, 1.0])
-    # The wrench shifts what the motors have to do by JᵀF: the preferred torque is of motors and wrench together.
-    wrench = robot.J(robot.q0).T @ F
-    stack = wbc.Stack([tasks.Torque(tau_0 + wrench, weight="inverse_inertia")], subject_to=[x.exactly()])
-    command = wbc.Controller(robot, stack, level=wbc.InverseDynamics()).tick(0.0, robot.q0, np.zeros(2))
-    assert np.allclose(command.tau - wrench, [104 / 11, -71 / 22], atol=1e-6)
 
 
 # ---- in a plant

@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import wbc
 from tasks import (
     AngularMomentum,
     AxisAlignment,
@@ -18,12 +17,10 @@ from tasks import (
     Distance,
     Frame,
     Gaze,
-    JointLimits,
     LinearMomentum,
     LocalPosition,
     Orientation,
     Position,
-    Posture,
     RelativeFrame,
     RelativeOrientation,
     RelativePosition,
@@ -31,7 +28,6 @@ from tasks import (
 )
 from tasks.directions import view_axes
 from tests.tasks.rows_of import finite, moment, rows
-from tests.tasks.running import obeyed
 from wbc.models.model import RobotModel, RobotState
 from wbc.testing import check_task, moments, robots
 from wbc.testing.strategies import states, vectors
@@ -83,34 +79,11 @@ def test_along_its_own_axes_it_is_the_same_error(state: RobotState):
     np.testing.assert_allclose(hand.rotation @ own.J, world.J - lever, atol=1e-12)
 
 
-@pytest.mark.parametrize("level", [wbc.VelocityLevel(), wbc.AccelerationLevel(), wbc.InverseDynamics()])
-def test_a_drill_is_free_along_its_own_axis(level: wbc.Formulation):
-    """A tilted tool comes onto the line through the target, where the posture has it along that line."""
-    state = ARM.state()
-    tool = state.frame("tool")
-    tilted = tool.rotation @ pinocchio.rpy.rpyToMatrix(0.3, -0.4, 0.0)
-    far = tool.position + tilted @ [0.02, -0.03, 0.3]  # 0.3 m along the tool: not to be gone
-    drill = LocalPosition("tool", target=far, axes="xy", kp=100.0)
-    stack = wbc.Stack(
-        [drill, Orientation("tool", target=tilted), Posture(ARM.q0, weight=1e-4)], subject_to=[JointLimits()]
-    )
-    *_, (q, v) = obeyed(wbc.Controller(ARM, stack, level=level, dt=5e-3), 600)
-    state.update(0.0, q, v)
-    off = state.frame("tool").rotation.T @ (far - state.frame("tool").position)
-    assert np.abs(off[:2]).max() < 1e-3 and off[2] > 0.2
-
-
 @given(states(HUMANOID))
 def test_at_its_target_a_frame_is_where_the_other_says(state: RobotState):
     here = state.frame("right_hand").placement.actInv(state.frame("left_hand").placement)
     out = rows(RelativeFrame("left_hand", reference="right_hand", target=here), state)
     np.testing.assert_allclose(out.e, 0.0, atol=1e-9)
-
-
-@given(states(HUMANOID))
-def test_moving_the_whole_robot_moves_nothing_against_anything(state: RobotState):
-    out = rows(RelativeFrame("left_hand", reference="right_sole", target=np.eye(4)), state)
-    np.testing.assert_allclose(out.J[:, :6], 0.0, atol=1e-12)
 
 
 @given(states(ARM))
@@ -212,14 +185,6 @@ def test_a_bearing_is_an_angle_in_its_direction(angle: float, around: float):
     np.testing.assert_allclose(error, angle * np.array([np.cos(around), np.sin(around)]), atol=1e-9)
 
 
-@pytest.mark.parametrize("level", [wbc.VelocityLevel(), wbc.AccelerationLevel()], ids=lambda level: level.name)
-def test_a_tool_turns_over_to_point_down(level: Any):
-    task = AxisAlignment(TOOL, axis=[0, 0, 1], target=[0, 0, -1], kp=25, weight=1.0)
-    controller = wbc.Controller(ARM, wbc.Stack([task, Posture(ARM.q0, weight=1e-6)]), level=level, dt=0.01)
-    *_, (q, _) = obeyed(controller, 300)
-    assert angle_between(moment(ARM, q).frame(TOOL).rotation[:, 2], [0, 0, -1]) < 0.01
-
-
 @each_robot
 @pytest.mark.parametrize("distance", [0.0, 1e-12, 1e-3])
 def test_within_its_nearest_distance_gaze_fades_out(robot: RobotModel, distance: float):
@@ -260,13 +225,3 @@ def test_distances_down_to_none_push_apart(robot: RobotModel, apart: float):
     assert np.linalg.norm(out.J) > 0.1  # there is a way to move
     if apart > 1e-3:
         check_task(task, robot, [first, first])
-
-
-def test_distance_is_symmetric_and_no_matter_of_the_base():
-    state = moment(HUMANOID, *moments(HUMANOID, count=1)[0][1:])
-    there, back = (
-        rows(Distance(a, to=b, target=0.3), state) for a, b in (("left_hand", "head"), ("head", "left_hand"))
-    )
-    for array in ("e", "J", "drift"):
-        np.testing.assert_allclose(getattr(there, array), getattr(back, array), atol=1e-12)
-    np.testing.assert_allclose(there.J[:, :6], 0.0, atol=1e-12)
