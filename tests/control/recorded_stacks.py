@@ -12,20 +12,8 @@ from typing import Any
 
 import numpy as np
 
+import tasks as T
 import wbc
-from tasks import (
-    CenterOfMass,
-    Frame,
-    JointPositionLimits,
-    JointVelocityLimits,
-    Orientation,
-    Point,
-    Position,
-    Posture,
-    Sinusoid,
-    Sole,
-    TorqueLimits,
-)
 from wbc.models.model import RobotModel
 
 FILE = Path(__file__).parent / "recorded_ticks.npz"
@@ -39,34 +27,34 @@ def arm_kinematics() -> tuple[RobotModel, wbc.Stack, Any]:
     """W1: the tool on a path that its speed limits cannot follow everywhere."""
     robot = wbc.load("arm")
     place = robot.state().frame("tool").position.copy()
-    sway = Sinusoid(place, amplitude=[0.15, 0.4, 0.1], frequency=2.0)
-    tasks = [[Position("tool", target=sway, rate=200.0)], [Posture(robot.q0, rate=50.0, weight=1e-3)]]
-    return robot, wbc.Stack(tasks, subject_to=[JointPositionLimits(), JointVelocityLimits()]), VELOCITIES
+    sway = T.Sinusoid(place, amplitude=[0.15, 0.4, 0.1], frequency=2.0)
+    tasks = [[T.Position("tool", target=sway, rate=200.0)], [T.Posture(robot.q0, rate=50.0, weight=1e-3)]]
+    return robot, wbc.Stack(tasks, subject_to=[T.JointPositionLimits(), T.JointVelocityLimits()]), VELOCITIES
 
 
 def humanoid_kinematics() -> tuple[RobotModel, wbc.Stack, Any]:
     """W2: feet that stay, centre of mass and a hand that move."""
     robot = wbc.load("humanoid")
     state = robot.state()
-    feet = [Frame(foot, target=_pose(state, foot), rate=200.0, weight=100.0) for foot in ("left_sole", "right_sole")]
-    sway = Sinusoid(state.com, amplitude=[0.01, 0.03, 0.0], frequency=0.5)
-    hand = Sinusoid(state.frame("left_hand").position.copy(), amplitude=[0.4, 0.0, 0.4], frequency=6.0)
+    feet = [T.Frame(foot, target=_pose(state, foot), rate=200.0, weight=100.0) for foot in ("left_sole", "right_sole")]
+    sway = T.Sinusoid(state.com, amplitude=[0.01, 0.03, 0.0], frequency=0.5)
+    hand = T.Sinusoid(state.frame("left_hand").position.copy(), amplitude=[0.4, 0.0, 0.4], frequency=6.0)
     tasks: list[list[Any]] = [
-        feet, [CenterOfMass(target=sway, rate=100.0), Position("left_hand", target=hand, rate=100.0)],
-        [Posture(robot.q0, rate=20.0, weight=1e-3)],
+        feet, [T.CenterOfMass(target=sway, rate=100.0), T.Position("left_hand", target=hand, rate=100.0)],
+        [T.Posture(robot.q0, rate=20.0, weight=1e-3)],
     ]  # fmt: skip
-    return robot, wbc.Stack(tasks, subject_to=[JointPositionLimits(), JointVelocityLimits()]), VELOCITIES
+    return robot, wbc.Stack(tasks, subject_to=[T.JointPositionLimits(), T.JointVelocityLimits()]), VELOCITIES
 
 
 def arm_dynamics() -> tuple[RobotModel, wbc.Stack, Any]:
     """W3: the tool is pulled harder than the motors can."""
     robot = wbc.load("arm")
     place = robot.state().frame("tool").position.copy()
-    sway = Sinusoid(place, amplitude=[0.15, 0.3, 0.1], frequency=1.5)
-    tasks = [[Position("tool", target=sway, kp=400.0)], [Posture(robot.q0, kp=10.0, weight=1e-3)]]
+    sway = T.Sinusoid(place, amplitude=[0.15, 0.3, 0.1], frequency=1.5)
+    tasks = [[T.Position("tool", target=sway, kp=400.0)], [T.Posture(robot.q0, kp=10.0, weight=1e-3)]]
     return (
         robot,
-        wbc.Stack(tasks, subject_to=[TorqueLimits(0.25 * robot.limits.tau_max), JointVelocityLimits()]),
+        wbc.Stack(tasks, subject_to=[T.TorqueLimits(0.25 * robot.limits.tau_max), T.JointVelocityLimits()]),
         DYNAMICS,
     )
 
@@ -75,31 +63,31 @@ def quadruped_dynamics() -> tuple[RobotModel, wbc.Stack, Any]:
     """W4: more sideways acceleration than friction gives."""
     robot = wbc.load("quadruped")
     state = robot.state()
-    sway = Sinusoid(state.com, amplitude=[0.02, 0.03, 0.02], frequency=2.0)
-    upright = Orientation("trunk", target=np.eye(3), kp=100.0)
+    sway = T.Sinusoid(state.com, amplitude=[0.02, 0.03, 0.02], frequency=2.0)
+    upright = T.Orientation("trunk", target=np.eye(3), kp=100.0)
     tasks: list[list[Any]] = [
-        [CenterOfMass(target=sway, kp=100.0), upright], [Posture(robot.q0, kp=10.0, weight=1e-3)]
+        [T.CenterOfMass(target=sway, kp=100.0), upright], [T.Posture(robot.q0, kp=10.0, weight=1e-3)]
     ]  # fmt: skip
     contacts = [
-        Point(foot, friction=0.3, friction_model="outer", kp=100.0, kd=20.0, force_weight=1e-6)
+        T.Point(foot, friction=0.3, friction_model="outer", kp=100.0, kd=20.0, force_weight=1e-6)
         for foot in ("front_left_foot", "front_right_foot", "rear_left_foot", "rear_right_foot")
     ]
-    return robot, wbc.Stack(tasks, subject_to=[TorqueLimits(), JointVelocityLimits()], contacts=contacts), DYNAMICS
+    return robot, wbc.Stack(tasks, subject_to=[T.TorqueLimits(), T.JointVelocityLimits()], contacts=contacts), DYNAMICS
 
 
 def humanoid_dynamics() -> tuple[RobotModel, wbc.Stack, Any]:
     """W5: weight goes from one sole to the other."""
     robot = wbc.load("humanoid")
-    sway = Sinusoid(robot.state().com, amplitude=[0.01, 0.06, 0.02], frequency=0.8)
-    upright = Orientation("torso", target=np.eye(3), kp=100.0, weight=0.1)
+    sway = T.Sinusoid(robot.state().com, amplitude=[0.01, 0.06, 0.02], frequency=0.8)
+    upright = T.Orientation("torso", target=np.eye(3), kp=100.0, weight=0.1)
     tasks: list[list[Any]] = [
-        [CenterOfMass(target=sway, kp=100.0), upright], [Posture(robot.q0, kp=10.0, weight=1e-3)]
+        [T.CenterOfMass(target=sway, kp=100.0), upright], [T.Posture(robot.q0, kp=10.0, weight=1e-3)]
     ]  # fmt: skip
     contacts = [
-        Sole(foot, half_size=(0.1, 0.05), friction=0.3, friction_model="outer", kp=100.0, kd=20.0, force_weight=1e-6)
+        T.Sole(foot, half_size=(0.1, 0.05), friction=0.3, friction_model="outer", kp=100.0, kd=20.0, force_weight=1e-6)
         for foot in ("left_sole", "right_sole")
     ]
-    return robot, wbc.Stack(tasks, subject_to=[TorqueLimits(), JointVelocityLimits()], contacts=contacts), DYNAMICS
+    return robot, wbc.Stack(tasks, subject_to=[T.TorqueLimits(), T.JointVelocityLimits()], contacts=contacts), DYNAMICS
 
 
 def _pose(state: Any, frame: str) -> Any:

@@ -8,16 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+import tasks as T
 import wbc
-from tasks import (
-    Damping,
-    Frame,
-    JointPositionLimits,
-    JointVelocityLimits,
-    Position,
-    Posture,
-    TorqueLimits,
-)
 from tests.stack.conftest import moving, standing
 from wbc.control.answer import distances
 from wbc.errors import InvalidInput, NotSupported, WbcError
@@ -36,8 +28,8 @@ def humanoid() -> Any:
 
 def reaching(arm: Any, **settings: Any) -> wbc.Controller:
     stack = wbc.Stack(
-        [Position("tool", target=[0.5, 0.2, 0.4]), Posture(arm.q0, weight=1e-2)],
-        subject_to=[TorqueLimits(), JointVelocityLimits()],
+        [T.Position("tool", target=[0.5, 0.2, 0.4]), T.Posture(arm.q0, weight=1e-2)],
+        subject_to=[T.TorqueLimits(), T.JointVelocityLimits()],
     )
     return wbc.Controller(arm, stack, level=settings.pop("level", wbc.InverseDynamics()), **settings)
 
@@ -72,12 +64,12 @@ def test_an_attribute_that_does_not_exist_is_refused_and_so_is_another_setting(a
         with pytest.raises(AttributeError, match=fixed):
             setattr(control, fixed, getattr(control, fixed))
     with pytest.raises(NotSupported, match=r"controller\.replace\(stack\)"):
-        control.stack = wbc.Stack([Posture(arm.q0)])
+        control.stack = wbc.Stack([T.Posture(arm.q0)])
 
 
 @pytest.mark.parametrize("weight", [1e-4, 1e-2, 1.0, 30.0])
 def test_what_is_left_of_a_level_is_weighted_and_called_so(arm: Any, weight: float) -> None:
-    levels = wbc.Stack([[Position("tool", target=[0.4, 0.2, 0.5])], [Posture(arm.q0 + 0.3, weight=weight)]])
+    levels = wbc.Stack([[T.Position("tool", target=[0.4, 0.2, 0.5])], [T.Posture(arm.q0 + 0.3, weight=weight)]])
     control = wbc.Controller(arm, levels, level=wbc.VelocityLevel(), hierarchy=wbc.Strict())
     control.tick(0.0, arm.q0, np.zeros(7))
     said = control.explain()
@@ -87,7 +79,9 @@ def test_what_is_left_of_a_level_is_weighted_and_called_so(arm: Any, weight: flo
 
 
 def test_a_task_has_all_the_units_of_its_rows(arm: Any) -> None:
-    stack = wbc.Stack([Frame("tool", target=np.eye(4)), Position("elbow", target=np.zeros(3)), Damping(weight=1e-3)])
+    stack = wbc.Stack(
+        [T.Frame("tool", target=np.eye(4)), T.Position("elbow", target=np.zeros(3)), T.Damping(weight=1e-3)]
+    )
     control = wbc.Controller(arm, stack, level=wbc.VelocityLevel())
     control.tick(0.0, arm.q0, np.zeros(7))
     units = {task.name: task.unit for task in control.qp.tasks}
@@ -97,7 +91,7 @@ def test_a_task_has_all_the_units_of_its_rows(arm: Any) -> None:
 @pytest.mark.parametrize("level", [wbc.VelocityLevel(), wbc.AccelerationLevel(), wbc.InverseDynamics()])
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 def test_a_state_that_is_not_finite_gives_the_last_command_then_brakes(arm: Any, level: Any, bad: float) -> None:
-    stack = wbc.Stack([Position("tool", target=[0.5, 0.2, 0.4]), Posture(arm.q0, weight=1e-2)])
+    stack = wbc.Stack([T.Position("tool", target=[0.5, 0.2, 0.4]), T.Posture(arm.q0, weight=1e-2)])
     control = wbc.Controller(arm, stack, level=level, recovery=wbc.Recovery(hold_ticks=2))
     q, v = moving(arm, 3)
     good = control.tick(0.0, q, v)
@@ -137,9 +131,9 @@ def test_a_quaternion_is_normalised_or_refused(humanoid: Any) -> None:
 @pytest.mark.parametrize("level", [wbc.VelocityLevel(), wbc.AccelerationLevel()])
 @pytest.mark.parametrize("hold_ticks", [0, 200])
 def test_what_is_commanded_without_a_solution_keeps_the_joints_limits(arm: Any, level: Any, hold_ticks: int) -> None:
-    reach = Position("tool", target=lambda t: np.full(3, 0.6 if t < 0.05 else np.nan), rate=100.0, kp=400)
+    reach = T.Position("tool", target=lambda t: np.full(3, 0.6 if t < 0.05 else np.nan), rate=100.0, kp=400)
     stack = wbc.Stack(
-        [reach, Posture(arm.q0, weight=1e-3)], subject_to=[JointVelocityLimits(1.0), JointPositionLimits()]
+        [reach, T.Posture(arm.q0, weight=1e-3)], subject_to=[T.JointVelocityLimits(1.0), T.JointPositionLimits()]
     )
     control = wbc.Controller(arm, stack, level=level, dt=0.01, recovery=wbc.Recovery(hold_ticks=hold_ticks))
     q, v = np.array(arm.q0), np.zeros(7)
@@ -231,8 +225,8 @@ def test_a_tick_without_a_problem_is_not_explained_by_the_rows_of_the_tick_befor
             raise ValueError("camera lost")
         return [0.4, 0.2, 4.0]
 
-    exact = Position("tool", target=high, kp=400.0, name="high").exactly()
-    stack = wbc.Stack([Posture(arm.q0)], subject_to=[exact, JointVelocityLimits(1e-2)])
+    exact = T.Position("tool", target=high, kp=400.0, name="high").exactly()
+    stack = wbc.Stack([T.Posture(arm.q0)], subject_to=[exact, T.JointVelocityLimits(1e-2)])
     control, q = wbc.Controller(arm, stack, level=wbc.VelocityLevel()), arm.q0
     for broken in (q, np.full(7, np.nan)):
         control.tick(1.0, q, np.zeros(7))
@@ -245,8 +239,8 @@ def test_a_tick_without_a_problem_is_not_explained_by_the_rows_of_the_tick_befor
 
 
 def test_a_task_that_is_done_in_part_is_as_near_as_its_direction_and_its_share_are_proved_to_be(arm: Any) -> None:
-    reach = Position("tool", target=[1.5, 1.2, 0.8], weight=[4.0, 9.0, 16.0])
-    stack = wbc.Stack([[reach], [Posture(arm.q0)]], subject_to=[JointVelocityLimits()])
+    reach = T.Position("tool", target=[1.5, 1.2, 0.8], weight=[4.0, 9.0, 16.0])
+    stack = wbc.Stack([[reach], [T.Posture(arm.q0)]], subject_to=[T.JointVelocityLimits()])
     controller = wbc.Controller(arm, stack, level=wbc.VelocityLevel(), hierarchy=wbc.Scaled())
     proof, p = controller.tick(0.0, arm.q0, np.zeros(arm.nv)).certificate, controller.plan.problem
     known = dict.fromkeys(proof.bounds, 0.0)
@@ -259,6 +253,6 @@ def test_a_task_that_is_done_in_part_is_as_near_as_its_direction_and_its_share_a
 
 def test_a_controller_says_what_it_is_when_it_is_printed():
     robot = wbc.load("arm")
-    stack = wbc.Stack([Posture(robot.q0)])
+    stack = wbc.Stack([T.Posture(robot.q0)])
     made = wbc.Controller(robot, stack, level=wbc.VelocityLevel(), hierarchy=wbc.Weighted(), solver="daqp", dt=2e-3)
     assert repr(made) == "Controller(arm, velocity level, Weighted(), daqp, dt=0.002)"

@@ -9,21 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tasks import (
-    AxisConeLimit,
-    BoxLimits,
-    CenterOfMass,
-    ConeLimit,
-    Distance,
-    FrameVelocityLimits,
-    HalfSpaceLimit,
-    JointLimits,
-    Orientation,
-    Position,
-    Posture,
-    SupportPolygon,
-    feet,
-)
+import tasks as T
 from wbc import AccelerationLevel, Controller, InverseDynamics, Stack, VelocityLevel
 from wbc.models.model import RobotState
 from wbc.stack.constraint import Barrier, BarrierRows
@@ -38,30 +24,30 @@ DT = 1e-3
 #: A limit, a task that leads out of it, and the same limit with the tool outside at the start.
 CASES: dict[str, tuple[Barrier, Any, Barrier]] = {
     "half space": (
-        HalfSpaceLimit("tool", normal=[0, 0, 1], offset=P[2] - 0.1),
-        Position("tool", target=P - np.array([0.1, 0.0, 0.3])),
-        HalfSpaceLimit("tool", normal=[0, 0, 1], offset=P[2] + 0.05),
+        T.HalfSpaceLimit("tool", normal=[0, 0, 1], offset=P[2] - 0.1),
+        T.Position("tool", target=P - np.array([0.1, 0.0, 0.3])),
+        T.HalfSpaceLimit("tool", normal=[0, 0, 1], offset=P[2] + 0.05),
     ),
     "box": (
-        BoxLimits("tool", lower=P - 0.08, upper=P + 0.08),
-        Position("tool", target=P + np.array([-0.2, 0.3, 0.0])),
-        BoxLimits("tool", upper=P - np.array([0.05, 0.0, 0.03])),
+        T.BoxLimits("tool", lower=P - 0.08, upper=P + 0.08),
+        T.Position("tool", target=P + np.array([-0.2, 0.3, 0.0])),
+        T.BoxLimits("tool", upper=P - np.array([0.05, 0.0, 0.03])),
     ),
     "cone": (
-        ConeLimit("tool", apex=P - np.array([0, 0, 0.2]), axis=[0, 0, 1], angle=0.4),
-        Position("tool", target=P + np.array([-0.1, 0.2, -0.05])),
-        ConeLimit("tool", apex=P - np.array([0, 0.1, 0.05]), axis=[0, 0, 1], angle=0.4),
+        T.ConeLimit("tool", apex=P - np.array([0, 0, 0.2]), axis=[0, 0, 1], angle=0.4),
+        T.Position("tool", target=P + np.array([-0.1, 0.2, -0.05])),
+        T.ConeLimit("tool", apex=P - np.array([0, 0.1, 0.05]), axis=[0, 0, 1], angle=0.4),
     ),
     "axis cone": (
-        AxisConeLimit("tool", axis=[0, 0, 1], direction=R[:, 2], angle=0.3),
-        Orientation("tool", target=R @ np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]], dtype=float)),
-        AxisConeLimit("tool", axis=[0, 0, 1], direction=R[:, 2] + 0.6 * R[:, 1], angle=0.3),
+        T.AxisConeLimit("tool", axis=[0, 0, 1], direction=R[:, 2], angle=0.3),
+        T.Orientation("tool", target=R @ np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]], dtype=float)),
+        T.AxisConeLimit("tool", axis=[0, 0, 1], direction=R[:, 2] + 0.6 * R[:, 1], angle=0.3),
     ),
 }
 
 
 def stack(task: Any, *constraints: Any) -> Stack:
-    return Stack([task, Posture(ARM.q0, kp=10.0, weight=1e-2)], subject_to=[JointLimits(), *constraints])
+    return Stack([task, T.Posture(ARM.q0, kp=10.0, weight=1e-2)], subject_to=[T.JointLimits(), *constraints])
 
 
 def margins(constraint: Barrier, task: Any, level: Any, seconds: float) -> Vec:
@@ -94,7 +80,7 @@ def test_what_starts_inside_stays_inside_whatever_the_tasks_ask_for(case: str, l
 @pytest.mark.parametrize("case", CASES)
 def test_from_outside_it_comes_back_at_its_rate(case: str, level: Any):
     _, _, constraint = CASES[case]
-    h = margins(constraint, Posture(ARM.q0, name="stay"), level, 1.0)
+    h = margins(constraint, T.Posture(ARM.q0, name="stay"), level, 1.0)
     assert h[0] < -0.01
     assert (np.diff(h[h < -1e-3]) >= -1e-6).all()
     # At velocities h falls as exp(−γ t), at accelerations as (1 + γ t) exp(−γ t), γ = 10; weights cost a little.
@@ -104,7 +90,7 @@ def test_from_outside_it_comes_back_at_its_rate(case: str, level: Any):
 @pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
 def test_a_soft_constraint_stands_above_every_level_of_tasks(level: Any):
     constraint, task, _ = CASES["half space"]
-    strict = Stack([[task], [Posture(ARM.q0)]], subject_to=[constraint])
+    strict = Stack([[task], [T.Posture(ARM.q0)]], subject_to=[constraint])
     names = [[task.name for task in level] for level in Controller(ARM, strict, level=level).plan.problem.levels]
     assert names == [[constraint.name], [task.name], ["Posture"]]
 
@@ -114,8 +100,8 @@ def test_a_soft_constraint_stands_above_every_level_of_tasks(level: Any):
 def test_one_barrier_and_one_task_have_a_closed_form(seed: int):
     """min ½ |a − a₀|² subject to J a >= b: a₀ + Jᵀ max(0, b − J a₀) / (J Jᵀ)."""
     rng = np.random.default_rng(seed)
-    constraint = HalfSpaceLimit("tool", normal=rng.normal(size=3), offset=float(rng.normal()), slack=None)
-    task = Posture(ARM.q0 + rng.normal(size=ARM.nj), kp=100.0)
+    constraint = T.HalfSpaceLimit("tool", normal=rng.normal(size=3), offset=float(rng.normal()), slack=None)
+    task = T.Posture(ARM.q0 + rng.normal(size=ARM.nj), kp=100.0)
     controller = Controller(ARM, Stack([task], subject_to=[constraint]), level=AccelerationLevel())
     q, v = ARM.random_configuration(rng), rng.normal(size=ARM.nv)
     command = controller.tick(0.0, q, v)
@@ -131,8 +117,8 @@ def test_one_barrier_and_one_task_have_a_closed_form(seed: int):
 
 @pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
 def test_a_frame_keeps_its_speed_limits(level: Any):
-    constraint = FrameVelocityLimits("tool", linear=0.15, angular=0.5)
-    far = Position("tool", target=P + np.array([-0.2, 0.3, 0.1]), kp=400.0, rate=20.0)
+    constraint = T.FrameVelocityLimits("tool", linear=0.15, angular=0.5)
+    far = T.Position("tool", target=P + np.array([-0.2, 0.3, 0.1]), kp=400.0, rate=20.0)
     controller = Controller(ARM, stack(far, constraint), level=level, dt=DT)
     q, v, state, fastest = np.array(ARM.q0), np.zeros(ARM.nv), ARM.state(drifts=False), np.zeros(6)
     for k in range(600):
@@ -146,15 +132,18 @@ def test_a_frame_keeps_its_speed_limits(level: Any):
 
 
 def test_the_centre_of_mass_stays_above_the_feet():
-    polygon, state = SupportPolygon.under(QUADRUPED, margin=0.03), QUADRUPED.state()
+    polygon, state = T.SupportPolygon.under(QUADRUPED, margin=0.03), QUADRUPED.state()
     room = inside(polygon, state, QUADRUPED.q0)
     edge = int(np.argmin(polygon._normals @ state.com[:2] - polygon._offsets))
     over = (room + 0.025) * np.append(polygon._normals[edge], 0.0)  # all but over the feet's own edge
-    tasks = [CenterOfMass(target=state.com - over, kp=50.0, weight=1e3), Posture(QUADRUPED.q0, kp=10.0, weight=1e-2)]
+    tasks = [
+        T.CenterOfMass(target=state.com - over, kp=50.0, weight=1e3),
+        T.Posture(QUADRUPED.q0, kp=10.0, weight=1e-2),
+    ]
     nearest = []
     for constraints in ([polygon], []):
         q, v = np.array(QUADRUPED.q0), np.zeros(QUADRUPED.nv)
-        standing = Stack(tasks, subject_to=[JointLimits(), *constraints], contacts=feet(QUADRUPED))
+        standing = Stack(tasks, subject_to=[T.JointLimits(), *constraints], contacts=T.feet(QUADRUPED))
         controller = Controller(QUADRUPED, standing, level=InverseDynamics())
         nearest.append(np.inf)
         for k in range(800):
@@ -167,13 +156,13 @@ def test_the_centre_of_mass_stays_above_the_feet():
     assert free < -0.02
 
 
-def inside(polygon: SupportPolygon, state: RobotState, q: Vec) -> float:
+def inside(polygon: T.SupportPolygon, state: RobotState, q: Vec) -> float:
     state.update(0.0, q, np.zeros(QUADRUPED.nv))
     return float((polygon._normals @ state.com[:2] - polygon._offsets).min())
 
 
 def test_a_polygon_is_the_hull_of_its_points_less_the_margin():
-    constraint = SupportPolygon([[0, 0], [1, 0], [0.5, 0.5], [1, 1], [0, 1]], margin=0.1)
+    constraint = T.SupportPolygon([[0, 0], [1, 0], [0.5, 0.5], [1, 1], [0, 1]], margin=0.1)
     assert constraint.dim == 4
     middle, corner = (
         (constraint._normals @ np.array(point) - constraint._offsets).min() for point in ([0.5, 0.5], [0.05, 0.5])
@@ -187,8 +176,8 @@ def test_a_task_rests_on_a_ball_while_its_steps_are_small(radius: float, offset:
     """docs/limits.md: it does if rate dt < 2 R/D, for a target at D from the centre."""
     dt, q, v, state, off = 1e-2, ARM.q0, np.zeros(ARM.nv), ARM.state(), np.array(offset)
     rate = 2.0 * share * radius / float(np.linalg.norm(off)) / dt
-    ball = Distance("tool", to=P, target=radius).within(0.0, np.inf)
-    stack = Stack([Position("tool", target=P + off, rate=rate), Posture(q, weight=1e-4)], subject_to=[ball])
+    ball = T.Distance("tool", to=P, target=radius).within(0.0, np.inf)
+    stack = Stack([T.Position("tool", target=P + off, rate=rate), T.Posture(q, weight=1e-4)], subject_to=[ball])
     controller = Controller(ARM, stack, level=VelocityLevel(lm_damping=0.0), dt=dt)
     for k in range(600):
         command = controller.tick(k * dt, q, v)

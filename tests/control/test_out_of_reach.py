@@ -10,19 +10,8 @@ import pinocchio as pin
 import pytest
 from scipy.optimize import least_squares, linprog
 
+import tasks as T
 import wbc
-from tasks import (
-    CenterOfMass,
-    Damping,
-    Frame,
-    JointLimits,
-    JointPositionLimits,
-    JointVelocityLimits,
-    Orientation,
-    Position,
-    Posture,
-    TorqueLimits,
-)
 from tests.stack.conftest import feet
 from wbc import AccelerationLevel, Controller, InverseDynamics, Stack, VelocityLevel
 from wbc.types import Status, Vec
@@ -77,8 +66,8 @@ def best(robot: Any, frame: str, target: Vec, q: Vec) -> float:
 @pytest.mark.parametrize("seed", [0, 1])
 def test_out_of_reach_is_rest_at_the_nearest_point_and_back_in_reach_is_the_target(level: Any, robot: Any, seed: int):
     frame, target = hand_of(robot), far_away(seed).translation
-    reach = Position(frame, target=target)
-    controller = Controller(robot, Stack([reach], subject_to=[JointLimits()]), level=level(), dt=DT)
+    reach = T.Position(frame, target=target)
+    controller = Controller(robot, Stack([reach], subject_to=[T.JointLimits()]), level=level(), dt=DT)
     q, v, seen = moved(controller, np.array(robot.q0), np.zeros(robot.nv), 4.0)
     last = np.array(seen[-250:])
     assert np.abs(last).max() < 1e-2
@@ -99,7 +88,7 @@ def test_out_of_reach_is_rest_at_the_nearest_point_and_back_in_reach_is_the_targ
 @each_level
 def test_without_damping_the_joints_chatter_at_their_limits(level: Any):
     """What the damping is there for: else the tests above could not fail."""
-    stack = Stack([Position("tool", target=far_away(0).translation)], subject_to=[JointLimits()])
+    stack = Stack([T.Position("tool", target=far_away(0).translation)], subject_to=[T.JointLimits()])
     controller = Controller(ARM, stack, level=level(lm_damping=0.0), dt=DT)
     # Where the arm is stretched out nothing but a regularisation of 1e-8 says what six joints at full speed do.
     _, _, seen = moved(controller, np.array(ARM.q0), np.zeros(ARM.nv), 3.0, certified=False)
@@ -110,10 +99,10 @@ def test_without_damping_the_joints_chatter_at_their_limits(level: Any):
 @pytest.mark.parametrize("hierarchy", [wbc.Weighted(), wbc.Strict(), wbc.Scaled()], ids=lambda h: type(h).__name__)
 def test_what_can_be_met_gets_the_same_command_with_and_without(level: Any, hierarchy: Any):
     start = ARM.state().frame("tool").placement
-    near = Frame("tool", target=start * pin.SE3(pin.exp3(np.array([0.1, 0.0, 0.2])), np.array([0.05, -0.05, 0.02])))
+    near = T.Frame("tool", target=start * pin.SE3(pin.exp3(np.array([0.1, 0.0, 0.2])), np.array([0.05, -0.05, 0.02])))
     commands = []
     for factor in (0.0, 0.05):
-        stack = Stack([[near], [Damping(weight=1e-6)]], subject_to=[JointLimits()])
+        stack = Stack([[near], [T.Damping(weight=1e-6)]], subject_to=[T.JointLimits()])
         controller = Controller(ARM, stack, level=level(lm_damping=factor), hierarchy=hierarchy, dt=DT)
         q, v, seen = moved(controller, np.array(ARM.q0), np.zeros(ARM.nv), 0.5)
         commands.append(np.concatenate([q, v, *seen]))
@@ -126,13 +115,13 @@ def test_what_can_be_met_gets_the_same_command_with_and_without(level: Any, hier
     (wbc.Strict(), "orientation and posture"), (wbc.Scaled(), "orientation and posture"),
 ], ids=lambda value: value if isinstance(value, str) else type(value).__name__)  # fmt: skip
 def test_a_level_that_cannot_be_met_comes_to_rest_whatever_ranks_below_it(level: Any, hierarchy: Any, below: str):
-    target, posture = far_away(1), [Posture(ARM.q0, kp=50)]
+    target, posture = far_away(1), [T.Posture(ARM.q0, kp=50)]
     ranked = {
-        "rate": [[Damping(weight=1.0)]],
+        "rate": [[T.Damping(weight=1.0)]],
         "posture": [posture],
-        "orientation and posture": [[Orientation("tool", target=target.rotation)], posture],
+        "orientation and posture": [[T.Orientation("tool", target=target.rotation)], posture],
     }
-    stack = Stack([[Position("tool", target=target.translation)], *ranked[below]], subject_to=[JointLimits()])
+    stack = Stack([[T.Position("tool", target=target.translation)], *ranked[below]], subject_to=[T.JointLimits()])
     controller = Controller(ARM, stack, level=level(), hierarchy=hierarchy, dt=DT)
     _, _, seen = moved(controller, np.array(ARM.q0), np.zeros(ARM.nv), 3.0)
     assert np.abs(seen[-50:]).max() < 1e-2
@@ -150,11 +139,11 @@ def test_a_robot_on_legs_comes_to_rest_with_a_frame_out_of_reach(hierarchy: Any,
     pelvis = robot.frame_names[0]
     stack = Stack(
         [
-            [CenterOfMass(target=state.com), Orientation(pelvis, target=np.eye(3))],
-            [Position(frame, target=target)],
-            [Posture(robot.q0, kp=50)],
+            [T.CenterOfMass(target=state.com), T.Orientation(pelvis, target=np.eye(3))],
+            [T.Position(frame, target=target)],
+            [T.Posture(robot.q0, kp=50)],
         ],
-        contacts=feet(robot), subject_to=[TorqueLimits(), JointPositionLimits(), JointVelocityLimits()],
+        contacts=feet(robot), subject_to=[T.TorqueLimits(), T.JointPositionLimits(), T.JointVelocityLimits()],
     )  # fmt: skip
     controller = Controller(robot, stack, level=InverseDynamics(), hierarchy=hierarchy, dt=DT)
     _, _, seen = moved(controller, np.array(robot.q0), np.zeros(robot.nv), 3.0, certified=False)
@@ -164,7 +153,7 @@ def test_a_robot_on_legs_comes_to_rest_with_a_frame_out_of_reach(hierarchy: Any,
 
 
 def test_a_reset_forgets_the_damping_and_explain_says_it():
-    stack = Stack([Position("tool", target=[2.0, 0.5, 0.5])], subject_to=[JointLimits()])
+    stack = Stack([T.Position("tool", target=[2.0, 0.5, 0.5])], subject_to=[T.JointLimits()])
     controller = Controller(ARM, stack, level=VelocityLevel(), dt=DT)
     first = [v.tobytes() for v in moved(controller, np.array(ARM.q0), np.zeros(ARM.nv), 0.2)[2]]
     assert "damping of the joints" in controller.explain()
@@ -177,7 +166,9 @@ def test_a_reset_forgets_the_damping_and_explain_says_it():
 def test_an_exact_task_out_of_reach_comes_to_rest_there_too(level: Any) -> None:
     """The task is relaxed in every tick, and what is left of it damps the joints."""
     target = np.array([0.4, 0.2, 4.0])
-    stack = Stack([Posture(ARM.q0, weight=1e-3)], subject_to=[Position("tool", target=target).exactly(), JointLimits()])
+    stack = Stack(
+        [T.Posture(ARM.q0, weight=1e-3)], subject_to=[T.Position("tool", target=target).exactly(), T.JointLimits()]
+    )
     controller = Controller(ARM, stack, level=level(), dt=DT)
     q, v, seen = moved(controller, np.array(ARM.q0), np.zeros(ARM.nv), 4.0, certified=False)
     levels = {event.fallback_level for event in controller.fallbacks.log}
@@ -193,7 +184,7 @@ def test_an_exact_task_out_of_reach_comes_to_rest_there_too(level: Any) -> None:
 def test_what_a_nearly_stretched_arm_cannot_do_is_proven_infeasible() -> None:
     """Its rows nearly depend on each other. That no point meets them is what linear programming says, too."""
     target, limits = np.array([2.0, 0.5, 0.5]), ARM.limits.v_max
-    stack = Stack([Position("tool", target=target)], subject_to=[JointVelocityLimits()])
+    stack = Stack([T.Position("tool", target=target)], subject_to=[T.JointVelocityLimits()])
     q, _, _ = moved(Controller(ARM, stack, level=VelocityLevel(), dt=DT), ARM.q0, np.zeros(ARM.nv), 6.0)
     state, rng = ARM.state(drifts=False), np.random.default_rng(0)
     for _ in range(500):

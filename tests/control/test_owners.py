@@ -8,17 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+import tasks as T
 import wbc
-from tasks import (
-    JointAccelerationLimits,
-    JointLimits,
-    JointVelocity,
-    JointVelocityLimits,
-    Position,
-    Posture,
-    TorqueLimits,
-    TorqueSpeedLimits,
-)  # fmt: skip
 from wbc.control.answer import active
 
 ROBOT = wbc.load("arm")
@@ -38,13 +29,15 @@ class Narrows(wbc.Component):
 
 
 def limits_of(quantity: str, bound: Any, name: str) -> Any:
-    kind = {"velocity": JointVelocityLimits, "acceleration": JointAccelerationLimits, "torque": TorqueLimits}[quantity]
+    kind = {"velocity": T.JointVelocityLimits, "acceleration": T.JointAccelerationLimits, "torque": T.TorqueLimits}[
+        quantity
+    ]
     return kind(bound, name=name)
 
 
 def named(quantity: str, level: str, constraints: list[Any], components: list[Any], sign: np.ndarray) -> dict[str, str]:
     """Owners of the bounds that hold the joints when all are pulled far away, by joint."""
-    far = Posture(ROBOT.q0 + sign, kp=5000.0, rate=100.0)
+    far = T.Posture(ROBOT.q0 + sign, kp=5000.0, rate=100.0)
     stack = wbc.Stack([far], subject_to=constraints, components=components)
     controller = wbc.Controller(ROBOT, stack, level=LEVELS[level](), dt=1e-3)
     command = controller.tick(0.0, ROBOT.q0, np.zeros(ROBOT.nv))
@@ -79,7 +72,7 @@ def test_of_several_bounds_on_one_quantity_the_narrowest_is_named(quantity: str,
 
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("quantity", ["position", "velocity", "acceleration"])
-@pytest.mark.parametrize("limits", [[], [JointVelocityLimits(1e3)]], ids=["no limits", "wide limits"])
+@pytest.mark.parametrize("limits", [[], [T.JointVelocityLimits(1e3)]], ids=["no limits", "wide limits"])
 def test_a_component_narrows_what_no_constraint_limits(level: str, quantity: str, limits: list[Any]) -> None:
     bound = {"position": ROBOT.q0 + 1e-4, "velocity": 0.01, "acceleration": 1.0}[quantity]
     low = {"position": ROBOT.q0 - 1e-4, "velocity": -0.01, "acceleration": -1.0}[quantity]
@@ -89,8 +82,8 @@ def test_a_component_narrows_what_no_constraint_limits(level: str, quantity: str
 
 def test_the_advice_of_a_conflict_names_the_component_that_narrows() -> None:
     stack = wbc.Stack(
-        [Posture(ROBOT.q0)],
-        subject_to=[JointVelocityLimits(1.0), JointVelocity(np.full(ROBOT.nj, 0.5)).exactly()],
+        [T.Posture(ROBOT.q0)],
+        subject_to=[T.JointVelocityLimits(1.0), T.JointVelocity(np.full(ROBOT.nj, 0.5)).exactly()],
         components=[Narrows("slow", velocity=(-0.3, 0.3))],
     )
     controller = wbc.Controller(ROBOT, stack, level=wbc.VelocityLevel())
@@ -104,7 +97,7 @@ def test_the_advice_of_a_conflict_names_the_component_that_narrows() -> None:
 def test_torques_are_named_by_the_motor_or_the_speed_that_bounds_them(upper: bool) -> None:
     sign = 1.0 if upper else -1.0
     weak = Narrows("weak", motors={0: (0.3, 0.0), 1: (1.0, 0.0), 2: (0.5, sign * 2.0)})
-    found = named("torque", "torque", [TorqueLimits(40.0)], [weak], np.full(ROBOT.nj, sign))
+    found = named("torque", "torque", [T.TorqueLimits(40.0)], [weak], np.full(ROBOT.nj, sign))
     assert {joint: found[joint] for joint in NAMES[:3] if joint in found}.items() <= {
         NAMES[0]: "weak", NAMES[1]: "TorqueLimits", NAMES[2]: "weak"
     }.items()  # fmt: skip
@@ -112,8 +105,8 @@ def test_torques_are_named_by_the_motor_or_the_speed_that_bounds_them(upper: boo
 
 
 def test_limits_by_speed_are_named_where_they_are_the_narrower_ones() -> None:
-    by_speed = TorqueSpeedLimits(no_load_speed=2.0, tau_max=60.0, name="by_speed")
-    stack = wbc.Stack([Posture(ROBOT.q0 + 1.0, kp=5000.0)], subject_to=[TorqueLimits(50.0), by_speed])
+    by_speed = T.TorqueSpeedLimits(no_load_speed=2.0, tau_max=60.0, name="by_speed")
+    stack = wbc.Stack([T.Posture(ROBOT.q0 + 1.0, kp=5000.0)], subject_to=[T.TorqueLimits(50.0), by_speed])
     controller = wbc.Controller(ROBOT, stack, level=wbc.InverseDynamics(), dt=1e-3)
     v = np.zeros(ROBOT.nv)
     v[1] = 1.0
@@ -135,8 +128,10 @@ def test_a_row_is_said_to_be_at_the_bound_where_it_is(level: Any, hierarchy: Any
     sides, held = [], 0
     for seed in range(8):
         rng = np.random.default_rng(seed)
-        tasks = [[Position("tool", target=2.0 * rng.normal(size=3))], [Posture(rng.uniform(-2.0, 2.0, ARM.nq))]]
-        controller = wbc.Controller(ARM, wbc.Stack(tasks, subject_to=[JointLimits()]), level=level, hierarchy=hierarchy)
+        tasks = [[T.Position("tool", target=2.0 * rng.normal(size=3))], [T.Posture(rng.uniform(-2.0, 2.0, ARM.nq))]]
+        controller = wbc.Controller(
+            ARM, wbc.Stack(tasks, subject_to=[T.JointLimits()]), level=level, hierarchy=hierarchy
+        )
         command = controller.tick(0.0, ARM.q0 + 0.2 * rng.normal(size=ARM.nq), np.zeros(ARM.nv))
         assert command.status.ok
         text = controller.explain()

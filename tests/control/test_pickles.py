@@ -10,21 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+import tasks as T
 import wbc
-from tasks import (
-    CenterOfMass,
-    ContactSchedule,
-    Damping,
-    FaultReaction,
-    JointLimits,
-    JointVelocity,
-    MeasuredWrench,
-    MomentumObserver,
-    Position,
-    Posture,
-    SlotineLi,
-    TorqueLimits,
-)
 from tests.stack.conftest import moving, standing
 from tests.tasks.test_contract import MEMBERS
 from wbc.control.recorder import Run
@@ -65,7 +52,7 @@ def test_a_stack_decides_the_same_and_is_apart(way: str) -> None:
 
 
 def test_a_member_that_has_been_in_a_controller_is_its_settings(way: str) -> None:
-    task = Posture(ARM.q0)
+    task = T.Posture(ARM.q0)
     first = wbc.Controller(ARM, wbc.Stack([task]), level=wbc.AccelerationLevel())
     first.tick(0.0, ARM.q0, np.zeros(7))
     same = WAYS[way](task)
@@ -76,7 +63,7 @@ def test_a_member_that_has_been_in_a_controller_is_its_settings(way: str) -> Non
 
 
 def test_a_command_is_its_values(way: str) -> None:
-    for stack, robot in ((standing(QUADRUPED), QUADRUPED), (wbc.Stack([Posture(ARM.q0)]), ARM)):
+    for stack, robot in ((standing(QUADRUPED), QUADRUPED), (wbc.Stack([T.Posture(ARM.q0)]), ARM)):
         levels = [wbc.InverseDynamics(), wbc.AccelerationLevel(), wbc.VelocityLevel()]
         for level in levels if robot is ARM else levels[:1]:
             command = wbc.Controller(robot, stack, level=level).tick(0.0, *moving(robot, 1))
@@ -110,12 +97,12 @@ def test_solvers_levels_hierarchies_and_settings(way: str) -> None:
 
 
 def test_components_before_and_after_ticks(way: str) -> None:
-    observer = MomentumObserver(gain=50.0, threshold=2.0)
-    reaction = FaultReaction(observer)
-    adaptive = SlotineLi(ARM.q0, kp=50.0, kd=20.0, gain=0.1)
+    observer = T.MomentumObserver(gain=50.0, threshold=2.0)
+    reaction = T.FaultReaction(observer)
+    adaptive = T.SlotineLi(ARM.q0, kp=50.0, kd=20.0, gain=0.1)
     stack = wbc.Stack(
-        [adaptive.torque, Posture(ARM.q0, weight=1e-3), reaction.limits], subject_to=[TorqueLimits()],
-        components=[observer, reaction, adaptive, MeasuredWrench("tool")],
+        [adaptive.torque, T.Posture(ARM.q0, weight=1e-3), reaction.limits], subject_to=[T.TorqueLimits()],
+        components=[observer, reaction, adaptive, T.MeasuredWrench("tool")],
     )  # fmt: skip
     for component in stack.components:
         assert repr(WAYS[way](component)) == repr(component)
@@ -125,12 +112,14 @@ def test_components_before_and_after_ticks(way: str) -> None:
         assert same.signals().keys() == component.signals().keys()
     if way != "copy":
         np.testing.assert_array_equal(ticked(ARM, WAYS[way](stack)).tau, before.tau)
-    schedule = ContactSchedule([(0.0, ["a", "b"]), (1.0, ["a"])], period=2.0)
+    schedule = T.ContactSchedule([(0.0, ["a", "b"]), (1.0, ["a"])], period=2.0)
     assert WAYS[way](schedule).holds("b") == schedule.holds("b")
 
 
 def test_a_controller_is_made_anew_from_its_settings(way: str) -> None:
-    stack = wbc.Stack([Position("tool", target=[0.4, 0.2, 0.5]), Damping(weight=1e-2)], subject_to=[JointLimits()])
+    stack = wbc.Stack(
+        [T.Position("tool", target=[0.4, 0.2, 0.5]), T.Damping(weight=1e-2)], subject_to=[T.JointLimits()]
+    )
     controller = wbc.Controller(ARM, stack, level=wbc.AccelerationLevel(), hierarchy=wbc.Strict(), dt=2e-3)
     q, v = moving(ARM, 2)
     controller.tick(0.0, q, v)
@@ -140,8 +129,8 @@ def test_a_controller_is_made_anew_from_its_settings(way: str) -> None:
 
 
 def test_a_copy_of_a_controller_leaves_the_memory_of_components_alone(way: str) -> None:
-    observer = MomentumObserver(gain=100.0, threshold=1.0)
-    stack = wbc.Stack([Posture(ARM.q0)], subject_to=[TorqueLimits()], components=[observer])
+    observer = T.MomentumObserver(gain=100.0, threshold=1.0)
+    stack = wbc.Stack([T.Posture(ARM.q0)], subject_to=[T.TorqueLimits()], components=[observer])
     controller = wbc.Controller(ARM, stack, level=wbc.InverseDynamics())
     for k in range(3):
         controller.tick(1e-3 * k, ARM.q0, np.full(ARM.nv, 0.1 * k))
@@ -154,9 +143,9 @@ def test_a_copy_of_a_controller_leaves_the_memory_of_components_alone(way: str) 
 
 def errors() -> Iterator[Exception]:
     """What the library raises, of every kind whose sentence is made of something else."""
-    controller = wbc.Controller(ARM, wbc.Stack([Posture(ARM.q0)]), level=wbc.AccelerationLevel())
+    controller = wbc.Controller(ARM, wbc.Stack([T.Posture(ARM.q0)]), level=wbc.AccelerationLevel())
     command = controller.tick(0.0, ARM.q0, np.zeros(ARM.nv))
-    both = [JointVelocity(np.full(ARM.nj, v)).exactly() for v in (0.1, 0.2)]
+    both = [T.JointVelocity(np.full(ARM.nj, v)).exactly() for v in (0.1, 0.2)]
     wrongs: list[Callable[[], Any]] = [
         lambda: ARM.state().frame("tol"),
         lambda: ARM.joint("shoulder"),
@@ -164,12 +153,12 @@ def errors() -> Iterator[Exception]:
         lambda: wbc.load("arm", q0=np.zeros(3)),
         lambda: wbc.solve(wbc.QP(np.eye(2), [1.0, -1.0]), "pdax"),
         lambda: wbc.Stack(taks=[]),  # type: ignore[call-arg]
-        lambda: setattr(Damping(), "weigth", 1.0),
-        lambda: Damping().dim,
+        lambda: setattr(T.Damping(), "weigth", 1.0),
+        lambda: T.Damping().dim,
         lambda: command.f["sole"],
         lambda: Run({"t": [0.0]})["q"],
         lambda: setattr(controller, "dt", 1.0),
-        lambda: wbc.Controller(ARM, wbc.Stack([Position("tool", lambda t: t.x)]), level=wbc.VelocityLevel()),
+        lambda: wbc.Controller(ARM, wbc.Stack([T.Position("tool", lambda t: t.x)]), level=wbc.VelocityLevel()),
         lambda: wbc.Controller(ARM, wbc.Stack([], subject_to=both), level=wbc.VelocityLevel()),
     ]
     for wrong in wrongs:
@@ -192,7 +181,7 @@ def test_an_error_is_the_same_error(way: str) -> None:
 
 
 def test_a_lambda_is_refused_as_python_refuses_it(way: str) -> None:
-    task = CenterOfMass(target=lambda t: [0.0, 0.0, t])
+    task = T.CenterOfMass(target=lambda t: [0.0, 0.0, t])
     if way == "pickle":
         with pytest.raises((pickle.PicklingError, AttributeError), match="lambda"):
             WAYS[way](task)

@@ -10,22 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+import tasks as T
 import wbc
-from tasks import (
-    CenterOfMass,
-    Edge,
-    JointCoupling,
-    JointVelocityLimits,
-    MeasuredWrench,
-    Orientation,
-    Point,
-    Position,
-    Posture,
-    Rolling,
-    Sole,
-    TorqueLimits,
-    feet,
-)
 from wbc.models.plausible import ImplausibleUnit, NothingHoldsTheBase, Sinks
 from wbc.sim.mujoco_ import MujocoPlant
 from wbc.sim.simulate import simulate
@@ -36,13 +22,13 @@ LEVEL = wbc.VelocityLevel()
 
 def test_degrees_milliseconds_and_millimetres_are_doubted():
     for task, settings, said in (
-        (Posture(np.full(7, 45.0)), {}, r"Posture.target has 45 rad for joint .*degrees"),
-        (Position("tool", target=[400.0, 200.0, 500.0]), {}, r"Position\[tool\].target is .*millimetres"),
-        (Posture(ARM.q0, rate=1.0), {"dt": 1.0}, r"dt is 1 s: .*milliseconds"),
+        (T.Posture(np.full(7, 45.0)), {}, r"Posture.target has 45 rad for joint .*degrees"),
+        (T.Position("tool", target=[400.0, 200.0, 500.0]), {}, r"Position\[tool\].target is .*millimetres"),
+        (T.Posture(ARM.q0, rate=1.0), {"dt": 1.0}, r"dt is 1 s: .*milliseconds"),
     ):
         with pytest.warns(ImplausibleUnit, match=said):
             control = wbc.Controller(
-                ARM, wbc.Stack([task], subject_to=[JointVelocityLimits()]), level=LEVEL, **settings
+                ARM, wbc.Stack([task], subject_to=[T.JointVelocityLimits()]), level=LEVEL, **settings
             )
         assert control.tick(0.0, ARM.q0, np.zeros(7)).status.ok
 
@@ -50,10 +36,10 @@ def test_degrees_milliseconds_and_millimetres_are_doubted():
 @pytest.mark.parametrize(
     ("made", "said"),
     [
-        (lambda: Sole("foot", half_size=(100, 50), friction=0.5), r"Sole\[foot\].half_size is \[100.  50.\] m"),
-        (lambda: Edge("foot", half_length=60.0, friction=0.5), r"Edge\[foot\].half_length is 60.0 m"),
-        (lambda: Point("foot", friction=0.5, radius=20.0), r"Point\[foot\].radius is 20.0 m"),
-        (lambda: Rolling("wheel", radius=50.0), r"Rolling\[wheel\].radius is 50.0 m"),
+        (lambda: T.Sole("foot", half_size=(100, 50), friction=0.5), r"Sole\[foot\].half_size is \[100.  50.\] m"),
+        (lambda: T.Edge("foot", half_length=60.0, friction=0.5), r"Edge\[foot\].half_length is 60.0 m"),
+        (lambda: T.Point("foot", friction=0.5, radius=20.0), r"Point\[foot\].radius is 20.0 m"),
+        (lambda: T.Rolling("wheel", radius=50.0), r"Rolling\[wheel\].radius is 50.0 m"),
     ],
 )
 def test_sizes_of_contacts_in_millimetres_are_doubted(made: Any, said: str):
@@ -62,7 +48,7 @@ def test_sizes_of_contacts_in_millimetres_are_doubted(made: Any, said: str):
 
 
 def test_a_first_state_in_degrees_is_doubted_once():
-    control = wbc.Controller(ARM, wbc.Stack([Posture(ARM.q0)], subject_to=[JointVelocityLimits()]), level=LEVEL)
+    control = wbc.Controller(ARM, wbc.Stack([T.Posture(ARM.q0)], subject_to=[T.JointVelocityLimits()]), level=LEVEL)
     with pytest.warns(ImplausibleUnit, match="q has 30 rad"):
         control.tick(0.0, np.full(7, 30.0), np.zeros(7))
     with warnings.catch_warnings():
@@ -89,7 +75,7 @@ def test_reference_configurations_in_degrees_are_doubted(far: float):
 @pytest.mark.parametrize("scalar", [1.0, -1.0])
 def test_a_quaternion_with_its_scalar_first_is_doubted_once(scalar: float):
     humanoid = wbc.load("humanoid")
-    control = wbc.Controller(humanoid, wbc.Stack([Posture(humanoid.q0)]), level=LEVEL)
+    control = wbc.Controller(humanoid, wbc.Stack([T.Posture(humanoid.q0)]), level=LEVEL)
     first = np.concatenate([humanoid.q0[:3], [scalar, 0.0, 0.0, 0.0], humanoid.q0[7:]])
     said = "for the base, which is upside down: quaternions are x, y, z, w here"
     with pytest.warns(ImplausibleUnit, match=f"^q has .* {said}"):
@@ -111,15 +97,15 @@ def test_what_is_far_but_possible_is_not_doubted():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         for robot, task in (
-            (ARM, Posture(np.full(7, 6.0))), (ARM, Position("tool", target=[2.0, 0.0, 0.0])),
-            (humanoid, Position(humanoid.frame_names[-1], target=[500.0, 0.0, 0.0])),
+            (ARM, T.Posture(np.full(7, 6.0))), (ARM, T.Position("tool", target=[2.0, 0.0, 0.0])),
+            (humanoid, T.Position(humanoid.frame_names[-1], target=[500.0, 0.0, 0.0])),
         ):  # fmt: skip
             wbc.Controller(robot, wbc.Stack([task]), level=LEVEL, dt=0.05).tick(0.0, robot.q0, np.zeros(robot.nv))
 
 
 @pytest.mark.parametrize(("most", "doubted"), [(2e-5, True), (1e-3, False)])
 def test_torques_limited_to_what_counts_as_met_are_doubted(most: float, *, doubted: bool):
-    stack = wbc.Stack([Posture(ARM.q0)], subject_to=[TorqueLimits(np.full(7, most))])
+    stack = wbc.Stack([T.Posture(ARM.q0)], subject_to=[T.TorqueLimits(np.full(7, most))])
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         wbc.Controller(ARM, stack, level=wbc.InverseDynamics())
@@ -132,7 +118,7 @@ def falls(robot: wbc.RobotModel, level: wbc.Formulation = wbc.InverseDynamics(),
     """Whether a controller that is made says that nothing holds the base."""
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
-        wbc.Controller(robot, wbc.Stack([Posture(robot.q0)], **members), level=level)
+        wbc.Controller(robot, wbc.Stack([T.Posture(robot.q0)], **members), level=level)
     found = [str(one.message) for one in said if one.category is NothingHoldsTheBase]
     assert len(found) <= 1
     assert all(f"{robot.name} has a floating base and the stack has no contacts" in sentence for sentence in found)
@@ -142,12 +128,12 @@ def falls(robot: wbc.RobotModel, level: wbc.Formulation = wbc.InverseDynamics(),
 @pytest.mark.parametrize("name", ["humanoid", "quadruped"])
 def test_a_floating_base_that_nothing_holds_is_doubted(name: str, monkeypatch: pytest.MonkeyPatch):
     robot = wbc.load(name)
-    assert falls(robot) and falls(robot, subject_to=[TorqueLimits(), JointVelocityLimits()])
-    for k in range(1, len(feet(robot)) + 1):
-        assert not falls(robot, contacts=feet(robot)[:k])
+    assert falls(robot) and falls(robot, subject_to=[T.TorqueLimits(), T.JointVelocityLimits()])
+    for k in range(1, len(T.feet(robot)) + 1):
+        assert not falls(robot, contacts=T.feet(robot)[:k])
     first, second, *_ = robot.joint_names
-    assert not falls(robot, contacts=[JointCoupling(first, to={second: 1.0}).with_reaction()])
-    assert not falls(robot, components=[MeasuredWrench(feet(robot)[0].frame)]), "a component may know of forces"
+    assert not falls(robot, contacts=[T.JointCoupling(first, to={second: 1.0}).with_reaction()])
+    assert not falls(robot, components=[T.MeasuredWrench(T.feet(robot)[0].frame)]), "a component may know of forces"
     assert not falls(robot, LEVEL) and not falls(robot, wbc.AccelerationLevel())
     assert not falls(wbc.load(name, base="fixed")) and not falls(ARM)
     monkeypatch.setattr(robot, "gravity", np.zeros(3))
@@ -156,7 +142,9 @@ def test_a_floating_base_that_nothing_holds_is_doubted(name: str, monkeypatch: p
 
 def fall() -> None:
     robot = wbc.load("quadruped")
-    control = wbc.Controller(robot, wbc.Stack([Posture(robot.q0)], contacts=feet(robot)), level=wbc.InverseDynamics())
+    control = wbc.Controller(
+        robot, wbc.Stack([T.Posture(robot.q0)], contacts=T.feet(robot)), level=wbc.InverseDynamics()
+    )
     simulate(control, MujocoPlant(robot), duration=1e-3)
 
 
@@ -169,10 +157,10 @@ def misspell() -> None:
 @pytest.mark.parametrize(
     "act",
     [
-        lambda: Posture(np.full(7, 45.0)).prepare(ARM),
-        lambda: wbc.Controller(ARM, wbc.Stack([Posture(ARM.q0, rate=1.0)]), level=LEVEL, dt=1.0),
-        lambda: wbc.Controller(ARM, wbc.Stack([Posture(np.full(7, 45.0))]), level=LEVEL),
-        lambda: wbc.Controller(BODY, wbc.Stack([Posture(BODY.q0)]), level=wbc.InverseDynamics()),
+        lambda: T.Posture(np.full(7, 45.0)).prepare(ARM),
+        lambda: wbc.Controller(ARM, wbc.Stack([T.Posture(ARM.q0, rate=1.0)]), level=LEVEL, dt=1.0),
+        lambda: wbc.Controller(ARM, wbc.Stack([T.Posture(np.full(7, 45.0))]), level=LEVEL),
+        lambda: wbc.Controller(BODY, wbc.Stack([T.Posture(BODY.q0)]), level=wbc.InverseDynamics()),
         fall,
         misspell,
     ],
@@ -196,8 +184,8 @@ def test_a_robot_that_sinks_on_what_its_forces_cost_is_warned_about(mass: float)
     assert robot.mass == pytest.approx(mass)
 
     def sinks(**weight: float) -> tuple[float, list[str]]:
-        com = CenterOfMass(target=robot.state().com)
-        stack = wbc.Stack([com, Orientation("trunk", target=np.eye(3))], contacts=feet(robot, **weight))
+        com = T.CenterOfMass(target=robot.state().com)
+        stack = wbc.Stack([com, T.Orientation("trunk", target=np.eye(3))], contacts=T.feet(robot, **weight))
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
             controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics())

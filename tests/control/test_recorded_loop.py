@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import wbc
+import wbc.tasks as T
 from wbc.errors import InvalidInput, WbcError
 from wbc.report.document import Plot, Table
 from wbc.report.measure import fallbacks
@@ -15,18 +16,6 @@ from wbc.report.sections.solver import section
 from wbc.sim.plant import IntegratorPlant
 from wbc.sim.scenario import ScenarioResult
 from wbc.sim.simulate import simulate
-from wbc.tasks import (
-    BoxLimits,
-    Frame,
-    HalfSpaceLimit,
-    JointAccelerationLimits,
-    JointLimits,
-    Point,
-    Position,
-    Posture,
-    Sole,
-    feet,
-)
 
 DT, TICKS = 0.002, 40
 
@@ -34,8 +23,8 @@ DT, TICKS = 0.002, 40
 def controller(name: str = "humanoid") -> wbc.Controller:
     robot = wbc.load(name)
     frame = "left_hand" if name == "humanoid" else "tool"
-    tasks = [Frame(frame, target=np.eye(4), weight=0.1), Posture(robot.q0)]
-    stack = wbc.Stack(tasks, contacts=feet(robot) if name == "humanoid" else [], subject_to=[JointLimits()])
+    tasks = [T.Frame(frame, target=np.eye(4), weight=0.1), T.Posture(robot.q0)]
+    stack = wbc.Stack(tasks, contacts=T.feet(robot) if name == "humanoid" else [], subject_to=[T.JointLimits()])
     return wbc.Controller(robot, stack, level=wbc.AccelerationLevel(), dt=DT)
 
 
@@ -158,9 +147,9 @@ FOOT: dict[str, Any] = {"frame": "left_sole", "friction": 0.5, "name": "member"}
 @pytest.mark.parametrize(
     ("place", "members"),
     [
-        ("tasks", [Position(**HAND, target=[0.4, 0.2, 1.0]), Frame(**HAND, target=np.eye(4))]),
-        ("subject_to", [BoxLimits(**HAND, upper=2.0), HalfSpaceLimit(**HAND, normal=[0, 0, 1], offset=-2.0)]),
-        ("contacts", [Point(**FOOT), Sole(**FOOT, half_size=(0.1, 0.05))]),
+        ("tasks", [T.Position(**HAND, target=[0.4, 0.2, 1.0]), T.Frame(**HAND, target=np.eye(4))]),
+        ("subject_to", [T.BoxLimits(**HAND, upper=2.0), T.HalfSpaceLimit(**HAND, normal=[0, 0, 1], offset=-2.0)]),
+        ("contacts", [T.Point(**FOOT), T.Sole(**FOOT, half_size=(0.1, 0.05))]),
         ("components", [Says(2), Says(3)]),
     ],
 )
@@ -172,7 +161,7 @@ def test_a_stack_whose_member_has_the_name_but_not_the_size_is_recorded_without_
     robot = wbc.load("humanoid")
     stacks = [
         wbc.Stack(**({"tasks": [posture]} | {place: [posture, one] if place == "tasks" else [one]}))
-        for posture, one in zip((Posture(robot.q0), Posture(robot.q0, name="new")), members, strict=True)
+        for posture, one in zip((T.Posture(robot.q0), T.Posture(robot.q0, name="new")), members, strict=True)
     ]
     first, other = stacks[::-1] if swapped else stacks
     driver, recorder = wbc.Controller(robot, first, level=wbc.InverseDynamics(), dt=DT), wbc.Recorder(8)
@@ -192,8 +181,8 @@ def test_a_stack_whose_member_has_the_name_but_not_the_size_is_recorded_without_
 
 def test_why_a_tick_had_no_answer_is_kept_with_its_problem_and_it_has_no_reasons():
     robot = wbc.load("arm")
-    high = Position("tool", target=[0.4, 0.2, 4.0], kp=400.0)
-    stack = wbc.Stack([Posture(robot.q0)], subject_to=[high.exactly(), JointAccelerationLimits(200.0)])
+    high = T.Position("tool", target=[0.4, 0.2, 4.0], kp=400.0)
+    stack = wbc.Stack([T.Posture(robot.q0)], subject_to=[high.exactly(), T.JointAccelerationLimits(200.0)])
     driver = wbc.Controller(robot, stack, level=wbc.AccelerationLevel(), dt=DT)
     run = recorded(driver, 3)
     assert run.meta["failure"]["t"] == 0.0 and "Position[tool]" in run.meta["failure"]["why"]
@@ -212,7 +201,7 @@ class Raises(wbc.Component):
 
 def test_a_record_says_which_fallback_level_made_each_command():
     robot = wbc.load("arm")
-    stack = wbc.Stack([Posture(robot.q0)], subject_to=[JointLimits()], components=[Raises()])
+    stack = wbc.Stack([T.Posture(robot.q0)], subject_to=[T.JointLimits()], components=[Raises()])
     driver, recorder = wbc.Controller(robot, stack, level=wbc.AccelerationLevel(), dt=DT), wbc.Recorder(8)
     made = [recorder.tick(driver, DT * k, robot.q0, np.zeros(robot.nv)).fallback_level for k in range(TICKS)]
     run = recorder.run()
@@ -230,8 +219,8 @@ def test_a_record_says_which_fallback_level_made_each_command():
 def reaching(level: wbc.Formulation | None = None, **settings: Any) -> wbc.Controller:
     """An arm with a target so far that joints are at their limits."""
     robot = wbc.load("arm")
-    tasks = [Frame("tool", target=np.eye(4), kp=400.0), Posture(robot.q0, weight=1e-3)]
-    stack = wbc.Stack(tasks, subject_to=[JointLimits()])
+    tasks = [T.Frame("tool", target=np.eye(4), kp=400.0), T.Posture(robot.q0, weight=1e-3)]
+    stack = wbc.Stack(tasks, subject_to=[T.JointLimits()])
     return wbc.Controller(robot, stack, level=level or wbc.VelocityLevel(), dt=DT, **settings)
 
 
@@ -296,7 +285,7 @@ class Fickle(wbc.Component):
 def test_signals_that_fail_cost_neither_the_command_nor_the_other_columns(tick: int, spoilt: Any):
     """The robot waits for the command; the record says whose signals are missing, and why."""
     robot = wbc.load("arm")
-    stack = wbc.Stack([Posture(robot.q0 + 0.1)], components=[Fickle(tick, spoilt), Says(1)])
+    stack = wbc.Stack([T.Posture(robot.q0 + 0.1)], components=[Fickle(tick, spoilt), Says(1)])
     driver, recorder = wbc.Controller(robot, stack, level=wbc.VelocityLevel(), dt=DT), wbc.Recorder(8)
     commands = [recorder.tick(driver, DT * k, robot.q0, np.zeros(robot.nv)) for k in range(4)]
     assert all(command.status.ok for command in commands)

@@ -8,18 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+import tasks as T
 import wbc
-from tasks import (
-    CenterOfMass,
-    JointAccelerationLimits,
-    JointPositionLimits,
-    JointVelocityLimits,
-    Point,
-    Position,
-    Posture,
-    TorqueLimits,
-    feet,
-)
 from tests.families.oracle import Constraints, least_squares
 from tests.reliability.faults import A_MAX, FAULTS, V_MAX, Saboteur, Script, excess, limited, sabotaged
 from wbc.qp.certificate import TOLERANCE
@@ -48,13 +38,13 @@ def test_another_solver_answers_what_the_one_asked_for_does_not(level: Any, faul
 
 
 @pytest.mark.parametrize("level", LEVELS, ids=named)
-@pytest.mark.parametrize("limits", [JointVelocityLimits(0.5), JointPositionLimits()], ids=str)
+@pytest.mark.parametrize("limits", [T.JointVelocityLimits(0.5), T.JointPositionLimits()], ids=str)
 def test_another_solver_decides_all_along_what_the_one_asked_for_decides(level: Any, limits: Any):
     """A target out of reach: what the ticks before left of it damps the joints, and motors have to be able to stop."""
 
     def control(**settings: Any) -> wbc.Controller:
-        tasks = [Position("tool", target=[0.4, 0.2, 5.5], kp=2000.0), Posture(ARM.q0, weight=1e-3)]
-        torque = [TorqueLimits()] if level.dynamics else []
+        tasks = [T.Position("tool", target=[0.4, 0.2, 5.5], kp=2000.0), T.Posture(ARM.q0, weight=1e-3)]
+        torque = [T.TorqueLimits()] if level.dynamics else []
         return wbc.Controller(ARM, wbc.Stack(tasks, subject_to=[limits, *torque]), level=level, **settings)
 
     sound, broken = control(), control(solver=Saboteur(script=Script("raises")))
@@ -137,7 +127,7 @@ def test_fallback_levels_follow_one_another_down_to_a_stop_and_back(level: Any):
 def test_a_stop_ends_after_as_many_answers_in_a_row_as_were_asked_for_and_none_before_is_ok(
     level: Any, answer: str, wait: int
 ):
-    up = Position("tool", target=[0.5, 0.2, 5.0], kp=1e4, name="up").exactly()
+    up = T.Position("tool", target=[0.5, 0.2, 5.0], kp=1e4, name="up").exactly()
     stack = limited(ARM, level, extra=(up,) if answer == "relaxed" else ())
     control, script = sabotaged(ARM, level, stack=stack, recovery=wbc.Recovery(hold_ticks=0, resume_after=wait))
     lost = np.full(ARM.nq, np.nan)
@@ -154,7 +144,7 @@ def test_a_stop_ends_after_as_many_answers_in_a_row_as_were_asked_for_and_none_b
 
 @pytest.mark.parametrize("level", LEVELS, ids=named)
 def test_relaxed_constraints_are_declared(level: Any):
-    up = Position("tool", target=[0.5, 0.2, 5.0], kp=1e4, name="up").exactly()
+    up = T.Position("tool", target=[0.5, 0.2, 5.0], kp=1e4, name="up").exactly()
     stack = limited(ARM, level, extra=(up,))
     for relax, expected in ((("constraints",), "relaxed"), (("contacts",), "closed form"), ((), "closed form")):
         control = wbc.Controller(ARM, stack, level=level, recovery=wbc.Recovery(relax=relax))
@@ -170,8 +160,8 @@ def test_relaxed_constraints_are_declared(level: Any):
 def test_the_three_rows_relaxed_most_are_named_the_largest_first(seed: int):
     """Joint i is asked to move faster than it may, by ``beyond`` of its own: that is what its row is relaxed by."""
     beyond = np.random.default_rng(seed).permutation(np.arange(1.0, 8.0)) / 8.0
-    posture = Posture(ARM.q0 + 0.2 * (1.0 + beyond), rate=5.0).exactly()
-    stack = wbc.Stack([Posture(ARM.q0, name="rest")], subject_to=[posture, JointVelocityLimits(1.0)])
+    posture = T.Posture(ARM.q0 + 0.2 * (1.0 + beyond), rate=5.0).exactly()
+    stack = wbc.Stack([T.Posture(ARM.q0, name="rest")], subject_to=[posture, T.JointVelocityLimits(1.0)])
     control = wbc.Controller(ARM, stack, level=wbc.VelocityLevel())
     assert control.tick(0.0, ARM.q0, STILL).fallback_level == "relaxed"
     said = [part.rsplit(" by ", 1) for part in control.why.removeprefix("relaxed: ").split(", ")]
@@ -184,8 +174,8 @@ def test_the_three_rows_relaxed_most_are_named_the_largest_first(seed: int):
 def test_nothing_is_relaxed_where_a_joint_has_no_limits_and_the_reason_names_it(free: tuple[int, ...]):
     v_max = np.ones(ARM.nj)
     v_max[list(free)] = np.inf
-    posture = Posture(ARM.q0 + 1.0, rate=5.0).exactly()
-    stack = wbc.Stack([Posture(ARM.q0, name="rest")], subject_to=[posture, JointVelocityLimits(v_max)])
+    posture = T.Posture(ARM.q0 + 1.0, rate=5.0).exactly()
+    stack = wbc.Stack([T.Posture(ARM.q0, name="rest")], subject_to=[posture, T.JointVelocityLimits(v_max)])
     control = wbc.Controller(ARM, stack, level=wbc.VelocityLevel())
     command = control.tick(0.0, ARM.q0, STILL)
     assert command.status is Status.INFEASIBLE and command.fallback_level not in ("relaxed", "closed form")
@@ -207,10 +197,10 @@ def test_limits_on_the_motion_of_some_joints_and_the_torque_of_the_others_bound_
     free = int(rng.integers(ARM.nj))
     if neither:
         a_max[free] = tau_max[free] = np.inf
-    exact = [Posture(ARM.q0 + 1.0, rate=50.0).exactly()] if fault == "contradiction" else []
+    exact = [T.Posture(ARM.q0 + 1.0, rate=50.0).exactly()] if fault == "contradiction" else []
     stack = wbc.Stack(
-        [Posture(ARM.q0 + rng.uniform(-1.0, 1.0, ARM.nj), rate=50.0, name="rest")],
-        subject_to=[*exact, JointAccelerationLimits(a_max), TorqueLimits(tau_max)],
+        [T.Posture(ARM.q0 + rng.uniform(-1.0, 1.0, ARM.nj), rate=50.0, name="rest")],
+        subject_to=[*exact, T.JointAccelerationLimits(a_max), T.TorqueLimits(tau_max)],
     )
     control, script = sabotaged(ARM, wbc.InverseDynamics(), other=False, stack=stack)
     script.fault = "iterations" if fault == "no answer" else ""
@@ -235,9 +225,9 @@ def test_limits_are_relaxed_as_little_as_can_be_however_hard_targets_pull(kp: fl
     q = np.clip(ARM.q0 + rng.uniform(-0.5, 0.5, ARM.nj), ARM.limits.q_min, ARM.limits.q_max)
     state = ARM.state()
     state.update(0.0, q, STILL)
-    weak = TorqueLimits(0.5 * np.abs(state.h) + 0.1)
+    weak = T.TorqueLimits(0.5 * np.abs(state.h) + 0.1)
     stack = wbc.Stack(
-        [Posture(q + rng.uniform(-2.0, 2.0, ARM.nj), kp=kp)], subject_to=[JointAccelerationLimits(1.0), weak]
+        [T.Posture(q + rng.uniform(-2.0, 2.0, ARM.nj), kp=kp)], subject_to=[T.JointAccelerationLimits(1.0), weak]
     )
     control = wbc.Controller(ARM, stack, level=wbc.InverseDynamics())
     command = control.tick(0.0, q, STILL)
@@ -258,8 +248,8 @@ def test_limits_are_relaxed_as_little_as_can_be_however_hard_targets_pull(kp: fl
 
 @pytest.mark.parametrize("dt", [1e-3, 0.2])
 def test_without_limits_nothing_but_the_problem_itself_is_solved_and_braking_is_stable(dt: float):
-    up, down = (Position("tool", target=[0.5, 0.2, z], kp=20.0, name=f"to {z:g}") for z in (5.0, -5.0))
-    stack = wbc.Stack([Posture(ARM.q0, kp=20.0)], subject_to=[up.exactly(), down.exactly()])
+    up, down = (T.Position("tool", target=[0.5, 0.2, z], kp=20.0, name=f"to {z:g}") for z in (5.0, -5.0))
+    stack = wbc.Stack([T.Posture(ARM.q0, kp=20.0)], subject_to=[up.exactly(), down.exactly()])
     control = wbc.Controller(ARM, stack, level=wbc.AccelerationLevel(), dt=dt)
     q, v = ARM.q0, np.full(ARM.nv, 0.1)
     for k in range(10):
@@ -305,7 +295,7 @@ def test_failures_in_a_row_end_in_a_stop_in_time(level: Any, fault: str):
 
 
 def test_the_budget_ends_the_search_for_other_answers():
-    up = Position("tool", target=[0.5, 0.2, 5.0], kp=1e4, name="up").exactly()
+    up = T.Position("tool", target=[0.5, 0.2, 5.0], kp=1e4, name="up").exactly()
     stack = limited(ARM, wbc.VelocityLevel(), extra=(up,))
     recovery = wbc.Recovery(budget=0.0, hold_ticks=0)
     assert wbc.Controller(ARM, stack, level=wbc.VelocityLevel(), recovery=recovery).tick(
@@ -327,8 +317,8 @@ def test_a_robot_that_held_as_long_as_it_may_is_not_stopped_yet():
 def test_on_legs_a_closed_form_is_commanded_only_where_feet_can_carry_it(away: float):
     """A robot that pushes itself off with forces that its feet cannot give falls; holding on is better."""
     robot = wbc.load("quadruped")
-    goal = CenterOfMass(target=robot.state().com + away * np.eye(3)[0], kp=100.0)
-    stack = wbc.Stack([goal, Posture(robot.q0, weight=1e-2)], contacts=feet(robot), subject_to=[TorqueLimits()])
+    goal = T.CenterOfMass(target=robot.state().com + away * np.eye(3)[0], kp=100.0)
+    stack = wbc.Stack([goal, T.Posture(robot.q0, weight=1e-2)], contacts=T.feet(robot), subject_to=[T.TorqueLimits()])
     control, script = sabotaged(robot, wbc.InverseDynamics(), other=False, stack=stack)
     good = control.tick(0.0, robot.q0, np.zeros(robot.nv))
     script.fault = "iterations"
@@ -374,9 +364,9 @@ def test_a_tick_that_relaxes_contacts_says_where_their_rows_depend_on_one_anothe
     tmp_path: Path, axes: tuple[str, ...], level: wbc.Formulation, *, depend: bool
 ):
     robot = legged(tmp_path, *axes)
-    contacts = [Point(f"foot_{leg}", friction=0.5) for leg in range(4)]
-    limits = [JointVelocityLimits(), JointAccelerationLimits(20.0)]
-    stack = wbc.Stack([Posture(robot.q0)], contacts=contacts, subject_to=limits)
+    contacts = [T.Point(f"foot_{leg}", friction=0.5) for leg in range(4)]
+    limits = [T.JointVelocityLimits(), T.JointAccelerationLimits(20.0)]
+    stack = wbc.Stack([T.Posture(robot.q0)], contacts=contacts, subject_to=limits)
     control = wbc.Controller(robot, stack, level=level)
     control.tick(0.0, robot.q0, np.zeros(robot.nv))
     off = robot.integrate(robot.q0, 1e-2 * np.sin(np.arange(robot.nv)))

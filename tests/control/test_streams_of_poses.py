@@ -9,18 +9,8 @@ import numpy as np
 import pinocchio
 import pytest
 
+import tasks as T
 import wbc
-from tasks import (
-    CenterOfMass,
-    Follow,
-    Frame,
-    JointAccelerationLimits,
-    JointJerkLimits,
-    JointLimits,
-    Posture,
-    TorqueLimits,
-    feet,
-)
 from wbc.errors import ModelError
 from wbc.models.catalogue import example_robots
 from wbc.types import Mat, Vec
@@ -103,16 +93,16 @@ class Seen(NamedTuple):
 def teleoperated(stream: Callable[..., Stream], level: Any, seconds: float, name: str = "arm") -> Seen:
     robot = wbc.load(name)
     frame, second = HANDS[name][0], level.order == 2
-    follow = Follow(pose_at(robot, robot.q0))
+    follow = T.Follow(pose_at(robot, robot.q0))
     settings = {"kp": 100.0} if second else {}
-    tasks: list[Any] = [Frame(frame, target=follow, **settings), Posture(robot.q0, weight=1e-3)]
-    limits: list[Any] = [JointLimits(), JointAccelerationLimits(A_MAX)]
-    limits += [TorqueLimits(), JointJerkLimits(J_MAX)] if second else []
+    tasks: list[Any] = [T.Frame(frame, target=follow, **settings), T.Posture(robot.q0, weight=1e-3)]
+    limits: list[Any] = [T.JointLimits(), T.JointAccelerationLimits(A_MAX)]
+    limits += [T.TorqueLimits(), T.JointJerkLimits(J_MAX)] if second else []
     if robot.nb:
         # It has to stand while its hand is drawn away: balance counts for more, and the trunk, else legs stretch.
-        tasks.append(CenterOfMass(target=robot.state().com, kp=100.0, weight=20.0))
-        tasks.append(Frame("torso", target=robot.state().frame("torso").placement, kp=100.0, weight=20.0))
-    stack = wbc.Stack(tasks, subject_to=limits, contacts=feet(robot) if robot.nb else [])
+        tasks.append(T.CenterOfMass(target=robot.state().com, kp=100.0, weight=20.0))
+        tasks.append(T.Frame("torso", target=robot.state().frame("torso").placement, kp=100.0, weight=20.0))
+    stack = wbc.Stack(tasks, subject_to=limits, contacts=T.feet(robot) if robot.nb else [])
     controller = wbc.Controller(robot, stack, level=level, dt=DT)
     samples = list(stream(robot, np.random.default_rng(2), seconds))
     q, v, last = robot.q0, np.zeros(robot.nv), pose_at(robot, robot.q0).translation

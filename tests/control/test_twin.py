@@ -11,26 +11,9 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 import wbc
+import wbc.tasks as T
 from wbc.control.twin import Twin
 from wbc.models.geometry import Sphere
-from wbc.tasks import (
-    Admittance,
-    CenterOfMass,
-    CollisionAvoidance,
-    ContactSchedule,
-    FaultReaction,
-    JointAdmittance,
-    JointLimits,
-    JointVelocityLimits,
-    MomentumObserver,
-    Obstacle,
-    Orientation,
-    Position,
-    Posture,
-    SlotineLi,
-    Sole,
-    TorqueLimits,
-)
 from wbc.testing import robots
 from wbc.types import Vec
 
@@ -87,9 +70,9 @@ def reaching(asked: list[float], level: Any, hierarchy: Any) -> wbc.Controller:
         asked.append(t)
         return np.array([0.4, 0.3 * np.sin(3.0 * t), 0.5])
 
-    ball = Obstacle("ball", Sphere(0.05), ARM.state().frame("tool").placement)
-    constraints = [JointLimits(), CollisionAvoidance([ball]), *([TorqueLimits()] if level.dynamics else [])]
-    tasks = [[Position("tool", target=target)], [Posture(ARM.q0, weight=1e-2)]]
+    ball = T.Obstacle("ball", Sphere(0.05), ARM.state().frame("tool").placement)
+    constraints = [T.JointLimits(), T.CollisionAvoidance([ball]), *([T.TorqueLimits()] if level.dynamics else [])]
+    tasks = [[T.Position("tool", target=target)], [T.Posture(ARM.q0, weight=1e-2)]]
     return wbc.Controller(
         ARM, wbc.Stack(tasks, subject_to=constraints, components=[Learner()]), level=level, hierarchy=hierarchy
     )  # fmt: skip
@@ -104,13 +87,16 @@ def stepping(asked: list[float], level: Any, hierarchy: Any) -> wbc.Controller:
         asked.append(t)
         return com + np.array([0.0, 0.02 * np.sin(5.0 * t), 0.0])
 
-    contacts = [Sole(name, half_size=(0.08, 0.04), friction=0.6) for name in soles]
+    contacts = [T.Sole(name, half_size=(0.08, 0.04), friction=0.6) for name in soles]
     timeline = [(0.0, soles), (0.02, soles[:1]), (0.04, soles)]
     stack = wbc.Stack(
-        [[CenterOfMass(target=target)], [Orientation("pelvis", target=np.eye(3)), Posture(HUMANOID.q0, weight=1e-2)]],
-        subject_to=[JointLimits(), TorqueLimits()],
+        [
+            [T.CenterOfMass(target=target)],
+            [T.Orientation("pelvis", target=np.eye(3)), T.Posture(HUMANOID.q0, weight=1e-2)],
+        ],
+        subject_to=[T.JointLimits(), T.TorqueLimits()],
         contacts=contacts,
-        components=[ContactSchedule(timeline), Learner()],
+        components=[T.ContactSchedule(timeline), Learner()],
     )
     return wbc.Controller(HUMANOID, stack, level=level, hierarchy=hierarchy)
 
@@ -184,11 +170,11 @@ def test_targets_of_tasks_that_other_members_hold_are_not_asked_either():
         asked.append(t)
         return np.array([0.4, 0.0, 0.5])
 
-    reach = Position("tool", target=target)
+    reach = T.Position("tool", target=target)
     stack = wbc.Stack(
-        [Posture(ARM.q0), JointVelocityLimits().softly(), Position("forearm", target=target).scaled()],
-        subject_to=[reach.within(1.0), TorqueLimits()],
-        contacts=[Position("tool", target=target, name="held").with_reaction()],
+        [T.Posture(ARM.q0), T.JointVelocityLimits().softly(), T.Position("forearm", target=target).scaled()],
+        subject_to=[reach.within(1.0), T.TorqueLimits()],
+        contacts=[T.Position("tool", target=target, name="held").with_reaction()],
     )
     controller = wbc.Controller(ARM, stack, level=wbc.InverseDynamics())
     twin = Twin(controller)
@@ -207,18 +193,18 @@ def test_no_function_of_time_is_asked_by_a_twin_or_where_one_is_made():
         return lambda t: (asked.append(name), value)[1]
 
     place, nothing = ARM.state().frame("tool").placement, np.zeros(ARM.nj)
-    joint = JointAdmittance(
+    joint = T.JointAdmittance(
         counted("admittance", ARM.q0), inertia=1.0, damping=9.0, stiffness=9.0, torque=counted("torque", nothing)
     )
-    hand = Admittance(
+    hand = T.Admittance(
         "tool", target=counted("pose", place), inertia=1.0, damping=9.0, stiffness=9.0,
         wrench=counted("wrench", np.zeros(6)),
     )  # fmt: skip
-    ball = Obstacle("ball", Sphere(0.05), counted("ball", place))
+    ball = T.Obstacle("ball", Sphere(0.05), counted("ball", place))
     moving = (ARM.q0, nothing, nothing)
     stack = wbc.Stack(
-        [Posture(counted("posture", moving)), joint, hand],
-        subject_to=[TorqueLimits(), CollisionAvoidance([ball])],
+        [T.Posture(counted("posture", moving)), joint, hand],
+        subject_to=[T.TorqueLimits(), T.CollisionAvoidance([ball])],
     )
     controller = wbc.Controller(ARM, stack, level=wbc.InverseDynamics())
     for ticks in (0, 1):
@@ -231,10 +217,10 @@ def test_no_function_of_time_is_asked_by_a_twin_or_where_one_is_made():
 
 
 def test_members_that_a_component_sets_are_in_the_twin_without_it():
-    law, observer = SlotineLi(ARM.q0, kp=100.0, kd=20.0, gain=1.0), MomentumObserver(gain=100.0, threshold=1.0)
-    reaction = FaultReaction(observer)
-    for tasks, components in (([law.torque], [law]), ([Posture(ARM.q0), reaction.limits], [observer, reaction])):
-        stack = wbc.Stack(tasks, subject_to=[TorqueLimits()], components=components)
+    law, observer = T.SlotineLi(ARM.q0, kp=100.0, kd=20.0, gain=1.0), T.MomentumObserver(gain=100.0, threshold=1.0)
+    reaction = T.FaultReaction(observer)
+    for tasks, components in (([law.torque], [law]), ([T.Posture(ARM.q0), reaction.limits], [observer, reaction])):
+        stack = wbc.Stack(tasks, subject_to=[T.TorqueLimits()], components=components)
         twin = Twin(wbc.Controller(ARM, stack, level=wbc.InverseDynamics()))
         twin()
         assert twin._twin.status.ok and stack.tasks[-1].set_by is components[-1]

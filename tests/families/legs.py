@@ -13,19 +13,8 @@ from typing import Any
 
 import numpy as np
 
+import tasks as T
 import wbc
-from tasks import (
-    CenterOfMass,
-    Edge,
-    JointPositionLimits,
-    JointVelocityLimits,
-    Orientation,
-    Point,
-    Position,
-    Posture,
-    Sole,
-    TorqueLimits,
-)
 from tests.families.oracle import undamped
 from tests.families.progress import Family, Ticks, followed
 from wbc.qp.solvers import usable
@@ -52,11 +41,11 @@ def contacts(robot: Any, rng: np.random.Generator) -> list[Any]:
     found: list[Any] = []
     for frame in map(str, chosen):
         if kind == "point":
-            found.append(Point(frame, friction=friction))
+            found.append(T.Point(frame, friction=friction))
         elif kind == "line":
-            found.append(Edge(frame, half_length=0.05, friction=friction))
+            found.append(T.Edge(frame, half_length=0.05, friction=friction))
         else:
-            found.append(Sole(frame, half_size=(0.11, 0.05), friction=friction))
+            found.append(T.Sole(frame, half_size=(0.11, 0.05), friction=friction))
     return found
 
 
@@ -70,21 +59,23 @@ def stack(name: str, rng: np.random.Generator, *, wild: bool) -> wbc.Stack:
 
     reach = 1.0 if wild else 0.1
     tasks: list[Any] = [
-        CenterOfMass(target=state.com + reach * rng.normal(size=3) * 0.3, kp=100, weight=weight(1.0)),
-        Orientation(robot.frame_names[0], target=np.eye(3), kp=100, weight=weight(0.1)),
+        T.CenterOfMass(target=state.com + reach * rng.normal(size=3) * 0.3, kp=100, weight=weight(1.0)),
+        T.Orientation(robot.frame_names[0], target=np.eye(3), kp=100, weight=weight(0.1)),
     ]
     for frame in rng.permutation(_HANDS[name])[: rng.integers(0, 3)]:
         target = state.frame(str(frame)).position + reach * rng.normal(size=3)
-        tasks.append(Position(str(frame), target=target, kp=100, weight=weight(1.0)))
+        tasks.append(T.Position(str(frame), target=target, kp=100, weight=weight(1.0)))
     tasks = [tasks[i] for i in rng.permutation(len(tasks))]
     cuts = sorted(set(rng.integers(1, len(tasks) + 1, size=rng.integers(0, 3)).tolist()))
     levels = [list(part) for part in np.split(np.array(tasks, dtype=object), cuts) if len(part)]
-    posture = Posture(robot.q0, kp=10, weight=weight(1e-3))
+    posture = T.Posture(robot.q0, kp=10, weight=weight(1e-3))
     if rng.uniform() < 0.8:
         levels.append([posture])
     else:
         levels[-1].append(posture)
-    limits = [limit for limit in (TorqueLimits(), JointVelocityLimits(), JointPositionLimits()) if rng.uniform() < 0.8]
+    limits = [
+        limit for limit in (T.TorqueLimits(), T.JointVelocityLimits(), T.JointPositionLimits()) if rng.uniform() < 0.8
+    ]
     return wbc.Stack(levels, contacts=contacts(robot, rng), subject_to=limits)
 
 

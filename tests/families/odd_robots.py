@@ -19,27 +19,11 @@ from typing import Any
 import numpy as np
 
 import wbc
+import wbc.tasks as T
 from tests.families.oracle import FEASIBLE, Verdict, judge, undamped
 from tests.families.progress import Family, Ticks
 from wbc.errors import WbcError
 from wbc.qp.solvers import usable
-from wbc.tasks import (
-    CenterOfMass,
-    Damping,
-    Follow,
-    Gaze,
-    HalfSpaceLimit,
-    JointAccelerationLimits,
-    JointJerkLimits,
-    JointPositionLimits,
-    JointVelocityLimits,
-    ManipulabilityTask,
-    Orientation,
-    Position,
-    Posture,
-    TorqueLimits,
-    mimic_joints,
-)
 
 KINDS = ("plain", "ties", "collinear", "tight", "mimic", "small", "floating", "planar", "planar")
 LEVELS = (wbc.VelocityLevel(), wbc.AccelerationLevel(), wbc.InverseDynamics())
@@ -118,29 +102,29 @@ def stack(robot: Any, level: Any, rng: np.random.Generator, unit: float) -> wbc.
     links = [name for name in robot.frame_names if name[0] == "l" and name[1:].isdigit()]
     heavy = weight(rng) / unit**2
     makers: list[Callable[[str], Any]] = [
-        lambda link: Position(link, target=target(rng, 0.4 * unit), weight=heavy, kp=float(10 ** rng.uniform(0, 3))),
-        lambda link: Position(link, target=Follow(np.zeros(3)), weight=heavy),
-        lambda link: Orientation(link, target=np.eye(3), weight=weight(rng)),
-        lambda link: CenterOfMass(target=target(rng, 0.3 * unit), weight=heavy),
-        lambda link: Damping(weight=weight(rng)),
-        lambda link: Gaze(link, axis=[0, 0, 1], target=rng.normal(size=3) * unit, weight=weight(rng)),
-        lambda link: ManipulabilityTask(link, target=float(rng.exponential(1.0)), weight=weight(rng)),
+        lambda link: T.Position(link, target=target(rng, 0.4 * unit), weight=heavy, kp=float(10 ** rng.uniform(0, 3))),
+        lambda link: T.Position(link, target=T.Follow(np.zeros(3)), weight=heavy),
+        lambda link: T.Orientation(link, target=np.eye(3), weight=weight(rng)),
+        lambda link: T.CenterOfMass(target=target(rng, 0.3 * unit), weight=heavy),
+        lambda link: T.Damping(weight=weight(rng)),
+        lambda link: T.Gaze(link, axis=[0, 0, 1], target=rng.normal(size=3) * unit, weight=weight(rng)),
+        lambda link: T.ManipulabilityTask(link, target=float(rng.exponential(1.0)), weight=weight(rng)),
     ]
     made = [makers[rng.integers(len(makers))](str(rng.choice(links))) for _ in range(int(rng.integers(0, 4)))]
     if not made or rng.uniform() < 0.8:
-        made.append(Posture(robot.q0, weight=1e-2 * weight(rng)))
+        made.append(T.Posture(robot.q0, weight=1e-2 * weight(rng)))
     made = list({task.name: task for task in made}.values())
     cuts = sorted(set(rng.integers(1, len(made) + 1, size=rng.integers(0, 3)).tolist()))
     levels = [list(part) for part in np.split(np.array(made, dtype=object), cuts) if len(part)]
-    limits: list[Any] = [limit() for limit in (JointPositionLimits, JointVelocityLimits) if rng.uniform() < 0.7]
+    limits: list[Any] = [limit() for limit in (T.JointPositionLimits, T.JointVelocityLimits) if rng.uniform() < 0.7]
     if rng.uniform() < 0.5:
         most = float(10.0 ** rng.uniform(0.5, 2.5))
-        limits.append(JointAccelerationLimits(most))
-        limits += [JointJerkLimits(most * float(10.0 ** rng.uniform(0.5, 3.0)))] if rng.uniform() < 0.5 else []
-    limits += [TorqueLimits()] if level.dynamics and rng.uniform() < 0.6 else []
+        limits.append(T.JointAccelerationLimits(most))
+        limits += [T.JointJerkLimits(most * float(10.0 ** rng.uniform(0.5, 3.0)))] if rng.uniform() < 0.5 else []
+    limits += [T.TorqueLimits()] if level.dynamics and rng.uniform() < 0.6 else []
     if not robot.nb and rng.uniform() < 0.15:
-        limits.append(HalfSpaceLimit(links[-1], normal=[0, 0, 1], offset=-0.5 * unit))
-    return wbc.Stack(levels, subject_to=[*limits, *mimic_joints(robot)])
+        limits.append(T.HalfSpaceLimit(links[-1], normal=[0, 0, 1], offset=-0.5 * unit))
+    return wbc.Stack(levels, subject_to=[*limits, *T.mimic_joints(robot)])
 
 
 def change(control: wbc.Controller, rng: np.random.Generator, again: Callable[[], wbc.Stack]) -> None:
@@ -159,7 +143,7 @@ def change(control: wbc.Controller, rng: np.random.Generator, again: Callable[[]
                 control.replace(again())
             case _:
                 for other in listed:
-                    if isinstance(getattr(other, "target", None), Follow):
+                    if isinstance(getattr(other, "target", None), T.Follow):
                         other.target.push(0.3 * rng.normal(size=3))
 
 
@@ -170,13 +154,13 @@ def kept(control: wbc.Controller, decided: wbc.Command) -> Verdict:
     state: Any = control.state
     q, q_next = (x[robot.nq - robot.nj :] for x in (state.q, decided.q))
     v, v_next = (x[robot.nb :] for x in (state.v, decided.v))
-    most = of[JointAccelerationLimits].a_max if JointAccelerationLimits in of else np.inf
-    if JointVelocityLimits in of and (np.abs(v) <= limits.v_max + 1e-9).all():
+    most = of[T.JointAccelerationLimits].a_max if T.JointAccelerationLimits in of else np.inf
+    if T.JointVelocityLimits in of and (np.abs(v) <= limits.v_max + 1e-9).all():
         if (np.abs(v_next) > limits.v_max + FEASIBLE).any():
             return Verdict("wrong", "faster than the velocity limits")
     if decided.status.ok and (np.abs(v_next - v) > dt * most * (1.0 + 1e-6) + 1e-9).any():
         return Verdict("wrong", "beyond the acceleration limits")
-    if JointPositionLimits in of:
+    if T.JointPositionLimits in of:
         B, room = min(BRAKING, most), np.where(v > 0.0, limits.q_max - q, q - limits.q_min)
         able = (v**2 / (2.0 * B) + 0.5 * dt * np.abs(v) <= room + 1e-9) & (q >= limits.q_min) & (q <= limits.q_max)
         if (able & (np.maximum(q_next - limits.q_max, limits.q_min - q_next) > FEASIBLE)).any():

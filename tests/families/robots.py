@@ -13,16 +13,8 @@ from typing import Any
 
 import numpy as np
 
+import tasks as T
 import wbc
-from tasks import (
-    JointAccelerationLimits,
-    JointPositionLimits,
-    JointVelocityLimits,
-    Orientation,
-    Position,
-    Posture,
-    TorqueLimits,
-)
 from tests.families.oracle import undamped
 from tests.families.progress import Family, Ticks, followed
 
@@ -66,14 +58,14 @@ def draw(seed: int, folder: Path, light: float = 0.1) -> tuple[wbc.Controller, n
     level = LEVELS[rng.integers(3)]
     tip = f"l{robot.nj - 1}"
     weights = 10.0 ** rng.uniform(-3.0, 3.0, 3)
-    tasks: list[list[Any]] = [[Position(tip, target=rng.normal(size=3), weight=weights[0])]]
+    tasks: list[list[Any]] = [[T.Position(tip, target=rng.normal(size=3), weight=weights[0])]]
     if rng.uniform() < 0.5:
-        tasks.append([Orientation(tip, target=np.eye(3), weight=weights[1])])
-    tasks.append([Posture(robot.q0, weight=1e-3 * weights[2])])
-    limits: list[Any] = [JointVelocityLimits()]
-    limits += [JointPositionLimits()] if rng.uniform() < 0.7 else []
-    limits += [JointAccelerationLimits(float(rng.uniform(5.0, 100.0)))] if rng.uniform() < 0.4 else []
-    limits += [TorqueLimits()] if level.dynamics and rng.uniform() < 0.7 else []
+        tasks.append([T.Orientation(tip, target=np.eye(3), weight=weights[1])])
+    tasks.append([T.Posture(robot.q0, weight=1e-3 * weights[2])])
+    limits: list[Any] = [T.JointVelocityLimits()]
+    limits += [T.JointPositionLimits()] if rng.uniform() < 0.7 else []
+    limits += [T.JointAccelerationLimits(float(rng.uniform(5.0, 100.0)))] if rng.uniform() < 0.4 else []
+    limits += [T.TorqueLimits()] if level.dynamics and rng.uniform() < 0.7 else []
     hierarchy = wbc.Weighted() if rng.uniform() < 0.6 else wbc.Strict()
     index = int(rng.integers(len(SOLVERS)))
     control = wbc.Controller(

@@ -8,16 +8,8 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
+import tasks as T
 import wbc
-from tasks import (
-    CenterOfMass,
-    JointAccelerationLimits,
-    JointPositionLimits,
-    JointVelocityLimits,
-    Position,
-    Posture,
-    TorqueLimits,
-)
 from tests.stack.conftest import feet
 from wbc.models.model import RobotModel
 from wbc.qp.problem import QP, Shape
@@ -85,14 +77,14 @@ A_MAX, V_MAX = 20.0, 2.0
 
 def limited(robot: RobotModel, level: Any, *, extra: tuple[Any, ...] = ()) -> wbc.Stack:
     """A stack with limits on everything, and a target that can be moved."""
-    limits: list[Any] = [JointPositionLimits(), JointVelocityLimits(V_MAX), JointAccelerationLimits(A_MAX)]
+    limits: list[Any] = [T.JointPositionLimits(), T.JointVelocityLimits(V_MAX), T.JointAccelerationLimits(A_MAX)]
     if level.dynamics:
-        limits.append(TorqueLimits())
+        limits.append(T.TorqueLimits())
     if robot.nb:
-        tasks: list[Any] = [CenterOfMass(target=robot.state().com.copy(), kp=50.0), Posture(robot.q0, kp=20.0)]
+        tasks: list[Any] = [T.CenterOfMass(target=robot.state().com.copy(), kp=50.0), T.Posture(robot.q0, kp=20.0)]
         contacts = feet(robot) if level.dynamics else []  # type: ignore[arg-type]
     else:
-        tasks, contacts = [Position("tool", target=[0.4, 0.2, 0.5], kp=50.0), Posture(robot.q0, weight=1e-2)], []
+        tasks, contacts = [T.Position("tool", target=[0.4, 0.2, 0.5], kp=50.0), T.Posture(robot.q0, weight=1e-2)], []
     return wbc.Stack(tasks, contacts=contacts, subject_to=[*limits, *extra])
 
 

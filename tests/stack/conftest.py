@@ -5,16 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import tasks as T
 import wbc
-from tasks import (
-    CenterOfMass,
-    JointVelocityLimits,
-    Orientation,
-    Point,
-    Posture,
-    Sole,
-    TorqueLimits,
-)
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.types import Vec
 
@@ -52,11 +44,11 @@ def humanoid() -> PinocchioModel:
     return wbc.load("humanoid")
 
 
-def feet(robot: PinocchioModel) -> list[Sole | Point]:
+def feet(robot: PinocchioModel) -> list[T.Sole | T.Point]:
     return [
-        Sole(f.frame, half_size=f.half_size, origin=f.origin, friction=f.friction)
+        T.Sole(f.frame, half_size=f.half_size, origin=f.origin, friction=f.friction)
         if f.half_size
-        else Point(f.frame, radius=f.radius, friction=f.friction)
+        else T.Point(f.frame, radius=f.radius, friction=f.friction)
         for f in robot.feet.values()
     ]
 
@@ -66,13 +58,13 @@ def standing(robot: PinocchioModel, *, shift: float = 0.02, extra: tuple = ()) -
     state = robot.state()
     return wbc.Stack(
         [
-            CenterOfMass(target=state.com + np.array([0.0, shift, 0.0]), kp=100),
-            Orientation(robot.frame_names[0], target=np.eye(3), kp=100, weight=0.1),
-            Posture(robot.q0, kp=10, weight=1e-3),
+            T.CenterOfMass(target=state.com + np.array([0.0, shift, 0.0]), kp=100),
+            T.Orientation(robot.frame_names[0], target=np.eye(3), kp=100, weight=0.1),
+            T.Posture(robot.q0, kp=10, weight=1e-3),
             *extra,
         ],
         contacts=feet(robot),
-        subject_to=[TorqueLimits(), JointVelocityLimits()],
+        subject_to=[T.TorqueLimits(), T.JointVelocityLimits()],
     )
 
 

@@ -9,17 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import tasks as T
 import wbc
-from tasks import (
-    CenterOfMass,
-    ContactForce,
-    JointVelocityLimits,
-    Orientation,
-    Point,
-    Posture,
-    TorqueLimits,
-    TorqueSpeedLimits,
-)
 from tests.stack.conftest import Saying, feet
 from wbc.errors import InvalidInput
 from wbc.stack.overrides import Actuators
@@ -54,7 +45,7 @@ def test_a_controller_sends_what_gives_the_torque_it_decided() -> None:
     arm = wbc.load("arm")
 
     def tau(*components: wbc.Component) -> Any:
-        stack = wbc.Stack([Posture(arm.q0)], subject_to=[TorqueLimits()], components=components)
+        stack = wbc.Stack([T.Posture(arm.q0)], subject_to=[T.TorqueLimits()], components=components)
         return wbc.Controller(arm, stack, level=wbc.InverseDynamics()).tick(0.0, arm.q0, 0 * arm.q0).tau
 
     sound, known = tau(), tau(HalfStrength())
@@ -65,7 +56,7 @@ def test_a_controller_sends_what_gives_the_torque_it_decided() -> None:
 @pytest.mark.parametrize("motor", [None, "ab", (), (0.5,), (0.5, 0.0, 0.0), np.array([0.5, 0.0]), {0.5: 0.0}])
 def test_what_is_neither_a_motor_nor_a_share_is_refused_by_joint(motor: Any) -> None:
     arm = wbc.load("arm")
-    applied = wbc.InverseDynamics().compile(arm, wbc.Stack([Posture(arm.q0)]), dt=1e-3).applied
+    applied = wbc.InverseDynamics().compile(arm, wbc.Stack([T.Posture(arm.q0)]), dt=1e-3).applied
     with pytest.raises(InvalidInput, match=r"mine\.motors\[1\]\.share"):
         applied.apply([("mine", wbc.Overrides(motors={1: motor}))])
     assert (applied.actuators.share == 1.0).all()
@@ -83,7 +74,7 @@ def test_a_command_stays_within_the_torque_limits_whatever_is_known_of_its_motor
         def before(self, state: Any, last: Any, plan: Any) -> wbc.Overrides:
             return wbc.Overrides(motors={1: wbc.Motor(share=0.1, offset=0.5), 3: wbc.Motor(offset=-2.0)})
 
-    stack = wbc.Stack([Posture(arm.q0 + 2.0, kp=1e4)], subject_to=[TorqueLimits()], components=[Known()])
+    stack = wbc.Stack([T.Posture(arm.q0 + 2.0, kp=1e4)], subject_to=[T.TorqueLimits()], components=[Known()])
     command = wbc.Controller(arm, stack, level=wbc.InverseDynamics()).tick(0.0, arm.q0, 0 * arm.q0)
     assert command.status.ok
     assert (np.abs(command.tau) <= arm.limits.tau_max + 1e-6).all()
@@ -91,7 +82,7 @@ def test_a_command_stays_within_the_torque_limits_whatever_is_known_of_its_motor
 
 
 ARM = wbc.load("arm")
-FREE = TorqueSpeedLimits(ARM.limits.v_max)
+FREE = T.TorqueSpeedLimits(ARM.limits.v_max)
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -101,7 +92,7 @@ def test_a_command_stays_within_what_its_motor_has_at_its_speed(seed: int) -> No
     rng = np.random.default_rng(seed)
     v, share, offset = rng.uniform(-0.9, 0.9, ARM.nv) * ARM.limits.v_max, rng.uniform(0.1, 1.0, 7), rng.normal(size=7)
     knows = Saying(wbc.Overrides(motors={i: wbc.Motor(share[i], 0.1 * offset[i]) for i in range(ARM.nj)}))
-    stack = wbc.Stack([Posture(ARM.q0 + np.sign(v), kp=1e4)], subject_to=[FREE], components=[knows])
+    stack = wbc.Stack([T.Posture(ARM.q0 + np.sign(v), kp=1e4)], subject_to=[FREE], components=[knows])
     command = wbc.Controller(ARM, stack, level=wbc.InverseDynamics()).tick(0.0, ARM.q0, v)
     assert command.status.ok
     left = np.clip(1.0 - np.array([v, -v]) / ARM.limits.v_max, 0.0, 1.0) * ARM.limits.tau_max
@@ -117,7 +108,7 @@ def test_a_joint_whose_torque_limits_are_lifted_is_held_at_any_speed(side: float
     braked = wbc.Overrides(lifted={"torque": [1]}, motors={1: wbc.Motor(0.0)}, acceleration=(-held, held))
     q, v = ARM.q0.copy(), np.zeros(ARM.nv)
     q[1], v[1] = -1.5 * side, 0.9 * side * ARM.limits.v_max[1]  # upwards, so fast that a motor could not carry it
-    stack = wbc.Stack([Posture(q, kp=10.0)], subject_to=[FREE, JointVelocityLimits()], components=[Saying(braked)])
+    stack = wbc.Stack([T.Posture(q, kp=10.0)], subject_to=[FREE, T.JointVelocityLimits()], components=[Saying(braked)])
     control = wbc.Controller(ARM, stack, level=wbc.InverseDynamics())
     command = control.tick(0.0, q, v)
     assert command.status.ok, control.explain()
@@ -126,7 +117,7 @@ def test_a_joint_whose_torque_limits_are_lifted_is_held_at_any_speed(side: float
 
 def test_a_motor_that_leaves_no_torque_is_refused_by_the_component_that_speaks_of_it() -> None:
     weak, sound = Saying(name="weak"), Saying(wbc.Overrides(motors={1: wbc.Motor()}), name="sound")
-    stack = wbc.Stack([Posture(ARM.q0)], subject_to=[TorqueLimits()], components=[weak, sound])
+    stack = wbc.Stack([T.Posture(ARM.q0)], subject_to=[T.TorqueLimits()], components=[weak, sound])
     control = wbc.Controller(ARM, stack, level=wbc.InverseDynamics())
     weak.now = wbc.Overrides(motors={0: wbc.Motor(offset=1e6)})
     assert not control.tick(0.0, ARM.q0, 0 * ARM.q0).status.ok
@@ -143,8 +134,8 @@ def standing(name: str, *more: Any, hierarchy: str = "weighted", **parts: Any) -
     """A robot on its feet; tasks ``more`` stand below its balance."""
     robot = ROBOTS[name]
     contacts = feet(robot)
-    balance = [CenterOfMass(target=robot.state().com), Orientation(robot.frame_names[0], target=np.eye(3))]
-    levels = [balance, *([more] if more else []), [Posture(robot.q0, weight=1e-3)]]
+    balance = [T.CenterOfMass(target=robot.state().com), T.Orientation(robot.frame_names[0], target=np.eye(3))]
+    levels = [balance, *([more] if more else []), [T.Posture(robot.q0, weight=1e-3)]]
     stack = wbc.Stack(levels, contacts=contacts, **parts)
     return wbc.Controller(robot, stack, level=wbc.InverseDynamics(), hierarchy=HIERARCHIES[hierarchy]), contacts
 
@@ -177,9 +168,11 @@ def test_bounds_given_with_a_contact_are_those_assigned_to_it():
     for contact in contacts:
         contact.f_min, contact.f_max = 10.0, 45.0
     robot = ROBOTS["quadruped"]
-    balance = [CenterOfMass(target=robot.state().com), Orientation(robot.frame_names[0], target=np.eye(3))]
-    given = [Point(f.frame, radius=f.radius, friction=f.friction, f_min=10.0, f_max=45.0) for f in robot.feet.values()]
-    stack = wbc.Stack([balance, [Posture(robot.q0, weight=1e-3)]], contacts=given)
+    balance = [T.CenterOfMass(target=robot.state().com), T.Orientation(robot.frame_names[0], target=np.eye(3))]
+    given = [
+        T.Point(f.frame, radius=f.radius, friction=f.friction, f_min=10.0, f_max=45.0) for f in robot.feet.values()
+    ]
+    stack = wbc.Stack([balance, [T.Posture(robot.q0, weight=1e-3)]], contacts=given)
     found = normals(wbc.Controller(robot, stack, level=wbc.InverseDynamics()), given)
     np.testing.assert_allclose(found, normals(assigned, contacts), atol=1e-6)
 
@@ -211,7 +204,7 @@ def test_bounds_on_the_force_of_a_contact_that_the_stack_does_not_have_are_named
 def test_a_wanted_normal_force_leaves_the_rest_of_the_wrench_free(hierarchy: str):
     free = normals(*standing("humanoid"))
     target = [1e3, 1e3, 1.2 * free[0]]  # the first two are not wanted
-    wanted = ContactForce(HUMANOID.feet["left_sole"].frame, target=target, weight={"fz": 1e-1, "f[xy]": 0.0})
+    wanted = T.ContactForce(HUMANOID.feet["left_sole"].frame, target=target, weight={"fz": 1e-1, "f[xy]": 0.0})
     controller, contacts = standing("humanoid", wanted, hierarchy=hierarchy)
     found = normals(controller, contacts)
     left = [contact.frame for contact in contacts].index(HUMANOID.feet["left_sole"].frame)
@@ -220,7 +213,7 @@ def test_a_wanted_normal_force_leaves_the_rest_of_the_wrench_free(hierarchy: str
 
 def test_bounds_count_where_forces_are_decided():
     robot = ROBOTS["quadruped"]
-    contacts = [Point(f, friction=0.5, f_min=1.0, f_max=2.0) for f in robot.feet]
-    stack = wbc.Stack([Posture(robot.q0)], contacts=contacts)
+    contacts = [T.Point(f, friction=0.5, f_min=1.0, f_max=2.0) for f in robot.feet]
+    stack = wbc.Stack([T.Posture(robot.q0)], contacts=contacts)
     command = wbc.Controller(robot, stack, level=wbc.VelocityLevel()).tick(0.0, robot.q0, np.zeros(robot.nv))
     assert command.status.ok

@@ -10,45 +10,25 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import tasks as T
 import wbc
-from tasks import (
-    CenterOfMass,
-    ContactForce,
-    Damping,
-    Frame,
-    JointAccelerationLimits,
-    JointPositionLimits,
-    JointVelocity,
-    JointVelocityLimits,
-    MinimumJerk,
-    Orientation,
-    Piecewise,
-    Point,
-    PoseInterpolation,
-    Position,
-    Posture,
-    Samples,
-    Sinusoid,
-    Sole,
-    TorqueLimits,
-)  # fmt: skip
 from tasks.motions import pose_motion, swing
 from wbc import AccelerationLevel, Controller, InverseDynamics, Stack, VelocityLevel
 from wbc.errors import InvalidInput
 
 ARM, HUMANOID, QUADRUPED = wbc.load("arm"), wbc.load("humanoid"), wbc.load("quadruped")
-PATH = Sinusoid([0.4, 0.1, 0.5], amplitude=0.1, frequency=[0.5, 0.7, 0.9])
+PATH = T.Sinusoid([0.4, 0.1, 0.5], amplitude=0.1, frequency=[0.5, 0.7, 0.9])
 POSE = pose_motion(PATH, swing(np.eye(3), [1, 2, 3], angle=0.4, frequency=0.6))
 SLOPE = pinocchio.exp3(np.array([0.3, -0.2, 0.1]))
-LIMITS = [JointPositionLimits(), JointVelocityLimits(), JointAccelerationLimits(50.0)]
+LIMITS = [T.JointPositionLimits(), T.JointVelocityLimits(), T.JointAccelerationLimits(50.0)]
 
 
 def reaching() -> Stack:
     return Stack(
         [
-            Frame("tool", target=POSE, kp=200.0), Position("tool", target=[0.4, 0.2], axes="xz", weight=0.1),
-            Orientation("tool", target=SLOPE, weight=[0.1, 0.2, 0.3]), Posture(ARM.q0, weight=1e-2),
-            JointVelocity(np.zeros(ARM.nj), weight=1e-3), Damping(weight=1e-3),
+            T.Frame("tool", target=POSE, kp=200.0), T.Position("tool", target=[0.4, 0.2], axes="xz", weight=0.1),
+            T.Orientation("tool", target=SLOPE, weight=[0.1, 0.2, 0.3]), T.Posture(ARM.q0, weight=1e-2),
+            T.JointVelocity(np.zeros(ARM.nj), weight=1e-3), T.Damping(weight=1e-3),
         ],
         subject_to=LIMITS,
     )  # fmt: skip
@@ -56,30 +36,30 @@ def reaching() -> Stack:
 
 def standing() -> Stack:
     soles = [f for f in HUMANOID.feet]
-    sway = Sinusoid(HUMANOID.state().com, amplitude=0.02, frequency=0.5)
+    sway = T.Sinusoid(HUMANOID.state().com, amplitude=0.02, frequency=0.5)
     return Stack(
-        [CenterOfMass(target=sway, kp=100.0), Posture(HUMANOID.q0, kp=10.0, weight=1e-2)],
-        subject_to=[TorqueLimits(), JointVelocityLimits()],
-        contacts=[Sole(sole, half_size=(0.08, 0.04), friction=0.6, origin=(0.01, 0.0, -0.005)) for sole in soles],
+        [T.CenterOfMass(target=sway, kp=100.0), T.Posture(HUMANOID.q0, kp=10.0, weight=1e-2)],
+        subject_to=[T.TorqueLimits(), T.JointVelocityLimits()],
+        contacts=[T.Sole(sole, half_size=(0.08, 0.04), friction=0.6, origin=(0.01, 0.0, -0.005)) for sole in soles],
     )
 
 
 def on_points() -> Stack:
     feet = list(QUADRUPED.feet)
-    contacts = [Point(feet[0], friction=0.7, radius=0.02), Point(feet[1], friction=0.7, axes=SLOPE)]
-    contacts += [Point(foot, friction=0.7) for foot in feet[2:]]
+    contacts = [T.Point(feet[0], friction=0.7, radius=0.02), T.Point(feet[1], friction=0.7, axes=SLOPE)]
+    contacts += [T.Point(foot, friction=0.7) for foot in feet[2:]]
     return Stack(
         [
-            CenterOfMass(target=QUADRUPED.state().com, kp=100.0), Orientation(QUADRUPED.frame_names[0], kp=100.0),
-            Posture(QUADRUPED.q0, weight=1e-3), ContactForce(feet[0], target=[0.0, 0.0, 20.0], weight=1e-4),
+            T.CenterOfMass(target=QUADRUPED.state().com, kp=100.0), T.Orientation(QUADRUPED.frame_names[0], kp=100.0),
+            T.Posture(QUADRUPED.q0, weight=1e-3), T.ContactForce(feet[0], target=[0.0, 0.0, 20.0], weight=1e-4),
         ],
-        subject_to=[TorqueLimits(), JointVelocityLimits()], contacts=contacts,
+        subject_to=[T.TorqueLimits(), T.JointVelocityLimits()], contacts=contacts,
     )  # fmt: skip
 
 
 def as_constraint() -> Stack:
-    constraint = Position("tool", target=PATH, kp=50.0).exactly()
-    return Stack([Posture(ARM.q0, weight=1.0)], subject_to=[constraint, *LIMITS, TorqueLimits()])
+    constraint = T.Position("tool", target=PATH, kp=50.0).exactly()
+    return Stack([T.Posture(ARM.q0, weight=1.0)], subject_to=[constraint, *LIMITS, T.TorqueLimits()])
 
 
 CASES: list[tuple[wbc.models.RobotModel, Callable[[], Stack], wbc.stack.formulation.Formulation]] = [
@@ -152,14 +132,14 @@ def test_a_plan_may_be_filled_from_one_state_and_then_from_another():
 
 
 def test_a_subclass_that_writes_its_own_rows_is_asked_for_them():
-    class Mirrored(Position):
+    class Mirrored(T.Position):
         def fill(self, state, out):
             super().fill(state, out)
             out.e[:] *= -1.0
 
     target = [0.4, 0.2, 0.5]
     moment = next(iter(moments(ARM)))
-    stacks = [Stack([kind("tool", target=target)]) for kind in (Position, Mirrored)]
+    stacks = [Stack([kind("tool", target=target)]) for kind in (T.Position, Mirrored)]
     plain, own = (filled(ARM, stack, VelocityLevel(), moment) for stack in stacks)
     np.testing.assert_allclose(own.motion.wanted[:3], -plain.motion.wanted[:3], rtol=1e-12)
 
@@ -169,26 +149,26 @@ def motion_of(kind: str, rng: np.random.Generator, n: int):
     start, duration, (one, two, *more) = rng.uniform(-1.0, 2.0), 0.1 + rng.random(), rng.normal(size=(6, n))
     if kind == "sinusoid":
         ramp = rng.choice([0.0, 1e-3, 1.0])
-        return Sinusoid(one, amplitude=two, frequency=more[0], phase=more[1], ramp=ramp), [0.0, ramp]
+        return T.Sinusoid(one, amplitude=two, frequency=more[0], phase=more[1], ramp=ramp), [0.0, ramp]
     if kind == "minimum jerk":
         ends = {"start_time": start, "start_rate": more[0], "end_rate": more[1]}
-        return MinimumJerk(one, two, duration=duration, **ends), [start, start + duration]
+        return T.MinimumJerk(one, two, duration=duration, **ends), [start, start + duration]
     if kind == "pose":  # to one turned by nothing, by next to nothing, and by nearly half a turn
         angle, axis = rng.choice([0.0, 1e-9, 1e-3 * rng.random(), 3.0 * rng.random()]), one / np.linalg.norm(one)
         first = pinocchio.SE3(pinocchio.exp3(rng.normal(size=3)), two)
         last = pinocchio.SE3(pinocchio.exp3(angle * axis) @ first.rotation, more[0])
         lift = rng.choice([0.0, 0.1])
-        motion = PoseInterpolation(first, last, duration=duration, start_time=start, lift=lift)
+        motion = T.PoseInterpolation(first, last, duration=duration, start_time=start, lift=lift)
         return motion, [start, start + duration]
     if kind.startswith("samples"):
         count, poses = rng.integers(1, 10), kind.endswith("poses")
         values = [pinocchio.SE3(pinocchio.exp3(x), y) if poses else y for x, y in rng.normal(size=(count, 2, n))]
         known = dict(zip(("rates", "accelerations"), rng.normal(size=(2, count, 6 if poses else n)), strict=True))
-        motion = Samples(values, period=0.1, **(known if rng.random() < 0.5 else {}))
+        motion = T.Samples(values, period=0.1, **(known if rng.random() < 0.5 else {}))
         return motion, 0.05 * rng.integers(-2, 2 * count + 3, 4)  # at samples, halfway, before and after
     kinds = {"pieces": ["sinusoid", "minimum jerk", "pieces"], "pieces of poses": ["pose"]}[kind]
     starts = np.sort(rng.uniform(-1.0, 3.0, rng.integers(1, 4)))
-    return Piecewise([(start, motion_of(rng.choice(kinds), rng, n)[0]) for start in starts]), starts
+    return T.Piecewise([(start, motion_of(rng.choice(kinds), rng, n)[0]) for start in starts]), starts
 
 
 @pytest.mark.parametrize("kind", ["sinusoid", "minimum jerk", "samples", "pieces"])
@@ -197,14 +177,14 @@ def motion_of(kind: str, rng: np.random.Generator, n: int):
 def test_motions_of_the_library_are_evaluated_as_they_are_when_called(kind, axes, numbers, others):
     """Before, at and after each moment that matters, and between; some are made of pieces themselves."""
     motion, at = motion_of(kind, np.random.default_rng(numbers), len(axes))
-    assert_evaluated_as_called(motion, lambda target: Position("tool", target=target, axes=axes, kp=50.0), at, others)
+    assert_evaluated_as_called(motion, lambda target: T.Position("tool", target=target, axes=axes, kp=50.0), at, others)
 
 
 @pytest.mark.parametrize("kind", ["pose", "samples of poses", "pieces of poses"])
 @given(numbers=st.integers(0, 2**32 - 1), others=st.lists(st.floats(-1e3, 1e3) | st.floats(-2.0, 4.0), max_size=3))
 def test_motions_of_poses_are_evaluated_as_they_are_when_called(kind, numbers, others):
     motion, at = motion_of(kind, np.random.default_rng(numbers), 3)
-    assert_evaluated_as_called(motion, lambda target: Frame("tool", target=target, kp=50.0), at, others)
+    assert_evaluated_as_called(motion, lambda target: T.Frame("tool", target=target, kp=50.0), at, others)
 
 
 def assert_evaluated_as_called(motion, make, at, others):
@@ -231,8 +211,8 @@ def assert_evaluated_as_called(motion, make, at, others):
 
 def test_pieces_of_which_one_is_a_users_are_called():
     still = np.array([0.4, 0.2, 0.5])
-    motion = Piecewise([(0.0, PATH), (1.0, lambda t: (still, np.zeros(3), np.zeros(3)))])
-    plan, state = AccelerationLevel().compile(ARM, Stack([Position("tool", target=motion)]), dt=1e-3), ARM.state()
+    motion = T.Piecewise([(0.0, PATH), (1.0, lambda t: (still, np.zeros(3), np.zeros(3)))])
+    plan, state = AccelerationLevel().compile(ARM, Stack([T.Position("tool", target=motion)]), dt=1e-3), ARM.state()
     for t, expected in ((0.5, PATH(0.5)[0]), (1.5, still)):
         state.update(t, ARM.q0, np.zeros(ARM.nv))
         plan.fill(state)
@@ -240,18 +220,18 @@ def test_pieces_of_which_one_is_a_users_are_called():
 
 
 def test_a_motion_whose_values_change_their_size_is_refused_while_it_is_built():
-    one, three = (Sinusoid(np.zeros(n), amplitude=0.1, frequency=1.0) for n in (1, 3))
+    one, three = (T.Sinusoid(np.zeros(n), amplitude=0.1, frequency=1.0) for n in (1, 3))
     with pytest.raises(InvalidInput, match="1 and 3 numbers"):
-        Piecewise([(0.0, three), (1.0, one)])
+        T.Piecewise([(0.0, three), (1.0, one)])
     with pytest.raises(InvalidInput, match=r"shape \(3,\)"):
-        Position("tool", target=Piecewise([(0.0, one), (1.0, one)]))
-    pose = PoseInterpolation(np.eye(4), np.eye(4), duration=1.0)
+        T.Position("tool", target=T.Piecewise([(0.0, one), (1.0, one)]))
+    pose = T.PoseInterpolation(np.eye(4), np.eye(4), duration=1.0)
     with pytest.raises(InvalidInput, match="3 and 12 numbers"):
-        Piecewise([(0.0, three), (1.0, Piecewise([(0.0, pose)]))])
+        T.Piecewise([(0.0, three), (1.0, T.Piecewise([(0.0, pose)]))])
 
 
 def test_a_target_that_stops_moving_is_followed_to_where_it_stops():
-    reach = Position("tool", target=PATH)
+    reach = T.Position("tool", target=PATH)
     controller = Controller(ARM, Stack([reach]), level=AccelerationLevel())
     controller.tick(0.3, ARM.q0, np.zeros(ARM.nv))
     assert np.abs(controller.plan.motion.rate_ref[:3]).max() > 0.0
@@ -277,12 +257,14 @@ def test_a_task_of_ones_own_stays_python_and_is_called():
             frame = state.frame("tool")
             out.J[:], out.e[:], out.drift[:] = frame.jacobian()[2:3], 0.6 - frame.position[2], frame.drift()[2:3]
 
-    stack = Stack([Height(), Posture(ARM.q0, weight=1e-2)], subject_to=LIMITS)
+    stack = Stack([Height(), T.Posture(ARM.q0, weight=1e-2)], subject_to=LIMITS)
     controller = Controller(ARM, stack, level=AccelerationLevel())
     called.clear()
     answer = controller.tick(0.5, ARM.q0, np.zeros(ARM.nv))
     assert called == [0.5]
-    same = Stack([Position("tool", target=[0.6], axes="z", kp=100.0), Posture(ARM.q0, weight=1e-2)], subject_to=LIMITS)
+    same = Stack(
+        [T.Position("tool", target=[0.6], axes="z", kp=100.0), T.Posture(ARM.q0, weight=1e-2)], subject_to=LIMITS
+    )
     expected = Controller(ARM, same, level=AccelerationLevel()).tick(0.5, ARM.q0, np.zeros(ARM.nv))
     np.testing.assert_allclose(answer.a, expected.a, rtol=0, atol=1e-9)
 
@@ -293,9 +275,9 @@ def test_forces_and_inertia_that_components_know_of_are_in_the_torques():
             return wbc.Overrides(bias=np.arange(1.0, 1.0 + len(plan.extra_bias)), inertia=0.1 * np.eye(ARM.nv))
 
     still = np.zeros(ARM.nv)
-    stack = Stack([Posture(ARM.q0)], subject_to=[TorqueLimits()], components=[Load()])
+    stack = Stack([T.Posture(ARM.q0)], subject_to=[T.TorqueLimits()], components=[Load()])
     loaded = Controller(ARM, stack, level=InverseDynamics()).tick(0.0, ARM.q0, still)
-    bare = Controller(ARM, Stack([Posture(ARM.q0)]), level=InverseDynamics()).tick(0.0, ARM.q0, still)
+    bare = Controller(ARM, Stack([T.Posture(ARM.q0)]), level=InverseDynamics()).tick(0.0, ARM.q0, still)
     more = np.arange(1.0, 1.0 + ARM.nv) + 0.1 * loaded.a
     np.testing.assert_allclose(loaded.tau - bare.tau, more, rtol=0, atol=1e-9)
 
@@ -309,7 +291,7 @@ def test_a_row_that_is_too_large_is_called_by_its_name(level):
         def fill(self, state, out):
             out.e[:], out.J[:], out.drift[:] = 0.0, 1e300, 0.0
 
-    controller = Controller(ARM, Stack([Huge(name="mine"), Posture(ARM.q0)], subject_to=LIMITS), level=level)
+    controller = Controller(ARM, Stack([Huge(name="mine"), T.Posture(ARM.q0)], subject_to=LIMITS), level=level)
     assert not controller.tick(0.0, ARM.q0, np.zeros(ARM.nv)).status.ok
     assert controller.why == "mine is too large"
 
@@ -318,13 +300,13 @@ def test_a_row_that_is_too_large_is_called_by_its_name(level):
 @pytest.mark.parametrize(
     ("task", "said"),
     [
-        (Position("tool", target=lambda t: [0.4, 0.1 if t == 0.0 else np.nan, 0.5], name="P"), "P{}: y"),
-        (Posture(lambda t: np.full(ARM.nj, 0.1 if t == 0.0 else np.nan), name="Q"), "Q{}: " + ARM.joint_names[0]),
+        (T.Position("tool", target=lambda t: [0.4, 0.1 if t == 0.0 else np.nan, 0.5], name="P"), "P{}: y"),
+        (T.Posture(lambda t: np.full(ARM.nj, 0.1 if t == 0.0 else np.nan), name="Q"), "Q{}: " + ARM.joint_names[0]),
     ],
     ids=["position", "posture"],
 )
 def test_a_target_that_becomes_nan_is_told_from_a_row_that_does(task, said, exactly):
-    rest = JointVelocity(np.zeros(ARM.nj), weight=1e-3)
+    rest = T.JointVelocity(np.zeros(ARM.nj), weight=1e-3)
     stack = Stack([rest], subject_to=[task.exactly(), *LIMITS]) if exactly else Stack([task, rest], subject_to=LIMITS)
     controller = Controller(ARM, stack, level=VelocityLevel())
     for t in (0.0, 1e-3):

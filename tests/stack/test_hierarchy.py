@@ -9,17 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import tasks as T
 import wbc
-from tasks import (
-    CenterOfMass,
-    Damping,
-    JointPositionLimits,
-    JointVelocityLimits,
-    Orientation,
-    Position,
-    Posture,
-    TorqueLimits,
-)
 from tests.families.legs import draw
 from tests.stack.conftest import feet, moving
 from wbc.methods import NullSpaceSaturation
@@ -46,10 +37,10 @@ def residual(controller: wbc.Controller, name: str) -> np.ndarray:
 def two_goals(seed: int, *, heavy: float = 1.0, levels: int = 3) -> wbc.Stack:
     """A tool and an elbow that cannot be where both are wanted, and a posture: below the elbow, or beside it."""
     rng = np.random.default_rng(seed)
-    first = Position("tool", target=rng.normal(size=3), weight=heavy)
-    second = Position(ARM.frame_names[-3], target=rng.normal(size=3), name="second")
-    limits = [JointVelocityLimits(float(rng.uniform(0.3, 3.0)))]
-    posture = Posture(ARM.q0, weight=1e-4)
+    first = T.Position("tool", target=rng.normal(size=3), weight=heavy)
+    second = T.Position(ARM.frame_names[-3], target=rng.normal(size=3), name="second")
+    limits = [T.JointVelocityLimits(float(rng.uniform(0.3, 3.0)))]
+    posture = T.Posture(ARM.q0, weight=1e-4)
     ranked = [[first], [second], [posture]] if levels == 3 else [[first], [second, posture]]
     return wbc.Stack(ranked, subject_to=limits)
 
@@ -61,14 +52,14 @@ def standing(reach: float, *, hand: bool = True) -> wbc.Stack:
     """Balance above all, then a hand ``reach`` [m] ahead of where it is, then the stance."""
     state = HUMANOID.state()
     balance = [
-        CenterOfMass(target=state.com, kp=100),
-        Orientation("torso", target=np.array(state.frame("torso").rotation), kp=100),
+        T.CenterOfMass(target=state.com, kp=100),
+        T.Orientation("torso", target=np.array(state.frame("torso").rotation), kp=100),
     ]
     goal = state.frame("left_hand").position + np.array([reach, 0.0, 0.0])
-    hands = [[Position("left_hand", target=goal, kp=100)]] if hand else []
+    hands = [[T.Position("left_hand", target=goal, kp=100)]] if hand else []
     return wbc.Stack(
-        [balance, *hands, [Posture(HUMANOID.q0, kp=10, weight=1e-3)]],
-        contacts=feet(HUMANOID), subject_to=[TorqueLimits(), JointVelocityLimits()],
+        [balance, *hands, [T.Posture(HUMANOID.q0, kp=10, weight=1e-3)]],
+        contacts=feet(HUMANOID), subject_to=[T.TorqueLimits(), T.JointVelocityLimits()],
     )  # fmt: skip
 
 
@@ -125,8 +116,8 @@ def test_what_levels_leave_free_has_the_least_cost_of_motion_torques_and_forces(
     robot = wbc.load(name)
     state = robot.state()
     state.update(0.0, robot.q0, np.zeros(robot.nv))
-    two = [CenterOfMass(target=state.com + np.array([x, 0.0, 0.0]), kp=10.0, name=f"to {x}") for x in (0.01, -0.02)]
-    stack = wbc.Stack([two, [Posture(robot.q0)]], contacts=feet(robot), subject_to=[TorqueLimits()])
+    two = [T.CenterOfMass(target=state.com + np.array([x, 0.0, 0.0]), kp=10.0, name=f"to {x}") for x in (0.01, -0.02)]
+    stack = wbc.Stack([two, [T.Posture(robot.q0)]], contacts=feet(robot), subject_to=[T.TorqueLimits()])
     level = wbc.InverseDynamics(regularisation=regularisation)
     controller = wbc.Controller(robot, stack, level=level, hierarchy=wbc.Strict())
     command = controller.tick(0.0, robot.q0, np.zeros(robot.nv))
@@ -143,8 +134,8 @@ def test_scaled_tasks_are_saturation_in_the_null_space_level_by_level(seed: int)
     rng = np.random.default_rng(seed)
     speed = float(rng.uniform(0.1, 1.0))
     goals = [rng.normal(size=3), rng.normal(size=3)]
-    first, second = Position("tool", target=goals[0]), Position(ARM.frame_names[-3], target=goals[1], name="second")
-    stack = wbc.Stack([[first], [second]], subject_to=[JointVelocityLimits(speed)])
+    first, second = T.Position("tool", target=goals[0]), T.Position(ARM.frame_names[-3], target=goals[1], name="second")
+    stack = wbc.Stack([[first], [second]], subject_to=[T.JointVelocityLimits(speed)])
     command, controller = tick(ARM, stack, hierarchy=wbc.Scaled())
     problem = controller.plan.problem
     rows = [(problem.G[task.rows, : ARM.nv].copy(), task.wanted.copy()) for (task,) in problem.levels]
@@ -160,9 +151,9 @@ def test_scaled_tasks_are_saturation_in_the_null_space_level_by_level(seed: int)
 @pytest.mark.parametrize("hierarchy", [wbc.Weighted(), wbc.Strict(), wbc.Scaled()], ids=str)
 @pytest.mark.parametrize("level", [SPEED, wbc.AccelerationLevel(), wbc.InverseDynamics()], ids=lambda level: level.name)
 def test_a_scaled_task_keeps_its_direction_at_every_level_under_every_hierarchy(hierarchy, level) -> None:
-    goal = Position("tool", target=np.array([1.0, 1.0, 1.0]), kp=400).scaled()
-    limits = [JointVelocityLimits(0.3), JointPositionLimits()]
-    stack = wbc.Stack([goal, Posture(ARM.q0, weight=1e-4)], subject_to=limits)
+    goal = T.Position("tool", target=np.array([1.0, 1.0, 1.0]), kp=400).scaled()
+    limits = [T.JointVelocityLimits(0.3), T.JointPositionLimits()]
+    stack = wbc.Stack([goal, T.Posture(ARM.q0, weight=1e-4)], subject_to=limits)
     command, controller = tick(ARM, stack, hierarchy=hierarchy, level=level)
     task = controller.plan.problem.levels[0][0]
     asked = task.wanted + task.drift
@@ -181,11 +172,11 @@ def test_the_weight_of_a_task_that_is_alone_at_its_level_changes_nothing(level, 
     found = []
     for first, second in ((1.0, 1.0), tuple(10.0**exponent for exponent in exponents)):
         rng = np.random.default_rng(seed)
-        limits = [JointVelocityLimits(float(rng.uniform(0.1, 1.0)))]
+        limits = [T.JointVelocityLimits(float(rng.uniform(0.1, 1.0)))]
         levels = [
-            [Position("tool", target=rng.normal(size=3), kp=float(10.0 ** rng.uniform(0, 2)), weight=first)],
-            [Position(ARM.frame_names[-3], target=rng.normal(size=3), name="second", weight=second)],
-            [Posture(ARM.q0)],
+            [T.Position("tool", target=rng.normal(size=3), kp=float(10.0 ** rng.uniform(0, 2)), weight=first)],
+            [T.Position(ARM.frame_names[-3], target=rng.normal(size=3), name="second", weight=second)],
+            [T.Posture(ARM.q0)],
         ]
         stack = wbc.Stack(levels, subject_to=limits)
         command, controller = tick(ARM, stack, hierarchy=wbc.Scaled(), level=level)
@@ -213,7 +204,7 @@ def test_levels_remember_no_bound_of_the_tick_before(seed: int) -> None:
 
 
 def test_one_level_is_a_weighted_sum_under_every_hierarchy() -> None:
-    stack = wbc.Stack([Posture(ARM.q0)], subject_to=[JointVelocityLimits()])
+    stack = wbc.Stack([T.Posture(ARM.q0)], subject_to=[T.JointVelocityLimits()])
     answers = [tick(ARM, stack, hierarchy=hierarchy)[0] for hierarchy in (wbc.Weighted(), wbc.Strict(), wbc.Scaled())]
     assert all(answer.levels == () for answer in answers)
     for answer in answers[1:]:
@@ -240,10 +231,10 @@ def test_thousands_of_ticks_of_conflict_without_one_failure(reach: float) -> Non
 def test_a_task_without_weight_asks_for_nothing_at_its_level(hierarchy, switched_off):
     """Above others it was held as if it had one; in both orders, and from one tick to the next."""
     robot = ARM
-    posture, tool = Posture(robot.q0 + 0.3), Position("tool", target=[0.4, 0.2, 0.4])
-    alone = wbc.Controller(robot, wbc.Stack([[tool], [Damping()]]), level=SPEED, hierarchy=hierarchy)
+    posture, tool = T.Posture(robot.q0 + 0.3), T.Position("tool", target=[0.4, 0.2, 0.4])
+    alone = wbc.Controller(robot, wbc.Stack([[tool], [T.Damping()]]), level=SPEED, hierarchy=hierarchy)
     wanted = alone.tick(0.0, robot.q0, np.zeros(7)).v
-    for levels in ([[posture], [tool], [Damping()]], [[tool], [posture], [Damping()]]):
+    for levels in ([[posture], [tool], [T.Damping()]], [[tool], [posture], [T.Damping()]]):
         posture.active, posture.weight = True, 1.0
         controller = wbc.Controller(robot, wbc.Stack(levels), level=SPEED, hierarchy=hierarchy)
         assert np.abs(controller.tick(0.0, robot.q0, np.zeros(7)).v - wanted).max() > 0.1
@@ -257,9 +248,9 @@ def test_a_task_without_weight_asks_for_nothing_at_its_level(hierarchy, switched
 
 def test_what_a_scaled_task_gives_up_is_said_in_percent() -> None:
     start = ARM.state().frame("tool").position
-    forward, back = (Position("tool", target=start + way * np.eye(3)[0], name=name)
+    forward, back = (T.Position("tool", target=start + way * np.eye(3)[0], name=name)
                      for name, way in (("forward", 0.1), ("back", -0.1)))  # fmt: skip
-    stack = wbc.Stack([[forward], [back], [Posture(ARM.q0)]], subject_to=[JointVelocityLimits()])
+    stack = wbc.Stack([[forward], [back], [T.Posture(ARM.q0)]], subject_to=[T.JointVelocityLimits()])
     controller = wbc.Controller(ARM, stack, level=SPEED, dt=0.01, hierarchy=wbc.Scaled())
     controller.tick(0.0, ARM.q0, np.zeros(7))
     assert "  back: 100 % of what its gains ask for is given up; multiplier 0.759 per 100 %" in controller.explain()

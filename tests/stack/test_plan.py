@@ -8,18 +8,8 @@ import numpy as np
 import pinocchio
 import pytest
 
+import tasks as T
 import wbc
-from tasks import (
-    Frame,
-    JointAccelerationLimits,
-    JointPositionLimits,
-    JointVelocityLimits,
-    Orientation,
-    Position,
-    Posture,
-    Torque,
-    TorqueLimits,
-)
 from tests.stack.conftest import moving, standing
 from wbc.models.pinocchio_ import PinocchioModel
 from wbc.stack.constraint import Barrier, BarrierRows, ConstraintRows, LinearConstraint
@@ -61,8 +51,8 @@ def test_every_answer_is_certified_against_the_standard_form(name: str, seed: in
         stack = standing(robot, shift=0.1)
     else:
         stack = wbc.Stack(
-            [Frame("tool", target=np.eye(4)), Posture(robot.q0, weight=1e-3)],
-            subject_to=[TorqueLimits(), JointVelocityLimits(), JointPositionLimits()],
+            [T.Frame("tool", target=np.eye(4)), T.Posture(robot.q0, weight=1e-3)],
+            subject_to=[T.TorqueLimits(), T.JointVelocityLimits(), T.JointPositionLimits()],
         )
     command = controller(robot, stack).tick(0.0, q, v)
     assert command.solution.certificate.residual <= 1e-7, command.solution.certificate
@@ -72,9 +62,9 @@ def test_every_answer_is_certified_against_the_standard_form(name: str, seed: in
 # ---- constraints
 def test_a_task_as_a_constraint_holds_exactly_whatever_else_is_wanted(arm: PinocchioModel) -> None:
     q, v = moving(arm, 3)
-    up = Orientation("tool", kp=100)
-    pull = Position("tool", target=[0.9, 0.9, 0.9], kp=1000, weight=1e4)
-    control = controller(arm, wbc.Stack([pull, Posture(arm.q0)], subject_to=[up.exactly()]))
+    up = T.Orientation("tool", kp=100)
+    pull = T.Position("tool", target=[0.9, 0.9, 0.9], kp=1000, weight=1e4)
+    control = controller(arm, wbc.Stack([pull, T.Posture(arm.q0)], subject_to=[up.exactly()]))
     command = control.tick(0.0, q, v)
     state = arm.state()
     state.update(0.0, q, v)
@@ -86,8 +76,8 @@ def test_a_task_as_a_constraint_holds_exactly_whatever_else_is_wanted(arm: Pinoc
 
 def test_a_posture_as_a_constraint_holds_every_joint(arm: PinocchioModel) -> None:
     q, v = moving(arm, 3)
-    hold = Posture(arm.q0, kp=4.0)
-    stack = wbc.Stack([Position("tool", target=[0.9, 0.9, 0.9])], subject_to=[hold.exactly()])
+    hold = T.Posture(arm.q0, kp=4.0)
+    stack = wbc.Stack([T.Position("tool", target=[0.9, 0.9, 0.9])], subject_to=[hold.exactly()])
     command = controller(arm, stack, level=wbc.AccelerationLevel()).tick(0.0, q, v)
     np.testing.assert_allclose(command.a, 4.0 * (arm.q0 - q) - 4.0 * v, atol=1e-7)
 
@@ -136,7 +126,7 @@ class VelocitySum(LinearConstraint):
 def test_linear_constraints_hold_on_torques_and_velocities(arm: PinocchioModel) -> None:
     q, v = moving(arm, 5)
     stack = wbc.Stack(
-        [Position("tool", target=[0.6, 0.4, 0.3], kp=400), Posture(arm.q0, weight=1e-2)],
+        [T.Position("tool", target=[0.6, 0.4, 0.3], kp=400), T.Posture(arm.q0, weight=1e-2)],
         subject_to=[SharedLoad(5.0), VelocitySum()],
     )
     command = controller(arm, stack).tick(0.0, q, v)
@@ -151,10 +141,10 @@ def test_each_bound_of_a_joint_names_the_limit_that_gives_it(name: str, seed: in
     robot = wbc.load(name)
     slow = np.random.default_rng(seed).random(robot.nj) < 0.5  # at rest these may gain 0.1 / dt, the others 5 rad/s²
     limits = [
-        JointVelocityLimits(np.where(slow, 0.1, 50.0), name="speeds"),
-        JointAccelerationLimits(np.where(slow, 1e4, 5.0), name="starts"),
+        T.JointVelocityLimits(np.where(slow, 0.1, 50.0), name="speeds"),
+        T.JointAccelerationLimits(np.where(slow, 1e4, 5.0), name="starts"),
     ]
-    plan = wbc.InverseDynamics().compile(robot, wbc.Stack([Posture(robot.q0)], subject_to=limits), dt=1e-3)
+    plan = wbc.InverseDynamics().compile(robot, wbc.Stack([T.Posture(robot.q0)], subject_to=limits), dt=1e-3)
     for joint in range(robot.nj):
         for upper in (False, True):
             owner = plan.bounded_row(plan.layout.n_range + robot.nb + joint, robot.state(), upper=upper).owner
@@ -162,7 +152,7 @@ def test_each_bound_of_a_joint_names_the_limit_that_gives_it(name: str, seed: in
 
 
 def test_acceleration_limits_at_the_velocity_level_bound_the_change_of_velocity(arm: PinocchioModel) -> None:
-    stack = wbc.Stack([Posture(arm.q0 + 1.0, rate=100.0)], subject_to=[JointAccelerationLimits(5.0)])
+    stack = wbc.Stack([T.Posture(arm.q0 + 1.0, rate=100.0)], subject_to=[T.JointAccelerationLimits(5.0)])
     v = np.full(arm.nv, 0.1)
     command = controller(arm, stack, level=wbc.VelocityLevel(), dt=0.01).tick(0.0, arm.q0, v)
     np.testing.assert_allclose(command.v, 0.1 + 5.0 * 0.01)
@@ -171,7 +161,7 @@ def test_acceleration_limits_at_the_velocity_level_bound_the_change_of_velocity(
 # ---- linear tasks
 def test_a_torque_task_as_a_constraint_is_met_exactly(arm: PinocchioModel) -> None:
     tau_0 = np.linspace(-2.0, 3.0, arm.nj)
-    stack = wbc.Stack([Posture(arm.q0, kp=1e4, weight=1e3)], subject_to=[Torque(tau_0).exactly()])
+    stack = wbc.Stack([T.Posture(arm.q0, kp=1e4, weight=1e3)], subject_to=[T.Torque(tau_0).exactly()])
     command = controller(arm, stack).tick(0.0, *moving(arm, 1))
     np.testing.assert_allclose(command.tau, tau_0, atol=1e-7)
 
@@ -214,8 +204,8 @@ class HalfRate(OwnRate):
 def test_what_is_wanted_has_a_gain_for_each_term_also_when_gains_change(arm: PinocchioModel) -> None:
     q, v = moving(arm, 5)
     goal, rate, second = np.array([0.4, 0.1, 0.4]), np.array([0.1, 0.2, -0.3]), np.array([1.0, -2.0, 0.5])
-    own, moved = HalfRate(), Position("tool", target=lambda t: (goal, rate, second))
-    control = controller(arm, wbc.Stack([own, moved, Posture(arm.q0)]), level=wbc.AccelerationLevel())
+    own, moved = HalfRate(), T.Position("tool", target=lambda t: (goal, rate, second))
+    control = controller(arm, wbc.Stack([own, moved, T.Posture(arm.q0)]), level=wbc.AccelerationLevel())
     for kp, kd in ((100.0, 20.0), (9.0, 5.0), (0.0, 7.0)):
         own.kp, own.kd, moved.kp, moved.kd = kp, kd, kp, kd
         assert control.tick(0.0, q, v).status.ok
@@ -238,7 +228,7 @@ def test_a_jacobian_without_end_warns_of_nothing_where_a_task_writes_its_own_rat
             out.J[0, 0], out.ed[:] = self.entry, 0.0
 
     task = Endless()
-    control = controller(arm, wbc.Stack([task, Posture(arm.q0)]), level=wbc.AccelerationLevel())
+    control = controller(arm, wbc.Stack([task, T.Posture(arm.q0)]), level=wbc.AccelerationLevel())
     q, v = moving(arm, 6)
     for entry, ok in ((1.0, True), (np.inf, False), (1.0, True)):
         task.entry = entry

@@ -9,13 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import tasks as T
 import wbc
-from tasks import (
-    Position,
-    Posture,
-    Torque,
-    TorqueLimits,
-)
 from tests.stack.conftest import moving
 from tests.stack.test_plan import SharedLoad, controller
 from wbc.errors import InvalidInput, MemberFailed, NotSupported
@@ -96,13 +91,13 @@ class Clumsy(Task):
 @pytest.mark.parametrize("task", [Forgetful(), ForgetfulLinear(), Rowless(), Clumsy()])
 def test_a_task_that_cannot_be_filled_or_leaves_a_row_is_found_by_name(arm: PinocchioModel, task: Any) -> None:
     with pytest.raises(InvalidInput, match=type(task).__name__):
-        controller(arm, wbc.Stack([task, Posture(arm.q0)]))
+        controller(arm, wbc.Stack([task, T.Posture(arm.q0)]))
 
 
 @pytest.mark.parametrize("constraint", [HalfLaw(), HalfBarrier(), Nobody(), Nowhere()])
 def test_a_constraint_that_says_less_than_it_should_is_refused_by_name(arm: PinocchioModel, constraint: Any) -> None:
     with pytest.raises((InvalidInput, NotSupported), match=type(constraint).__name__):
-        controller(arm, wbc.Stack([Posture(arm.q0)], subject_to=[constraint]))
+        controller(arm, wbc.Stack([T.Posture(arm.q0)], subject_to=[constraint]))
 
 
 class Between(LinearConstraint):
@@ -127,7 +122,7 @@ def test_a_linear_constraint_with_crossed_bounds_is_refused_by_row(lo: float, ga
 
     def stack(since: float) -> wbc.Stack:
         law = Between(lo, lo - gap, since=since)
-        posture = Posture(arm.q0)
+        posture = T.Posture(arm.q0)
         return wbc.Stack([posture, law.softly()]) if softly else wbc.Stack([posture], subject_to=[law])
 
     with pytest.raises(InvalidInput, match=r"Between.* is left nothing: lo\[2\] is .* and hi\[2\] is "):
@@ -171,14 +166,14 @@ class Foot(wbc.Contact):
 ])  # fmt: skip
 def test_a_contact_whose_sizes_do_not_agree_is_refused_by_name(arm: PinocchioModel, wrong: dict[str, Any]) -> None:
     for level in (wbc.InverseDynamics(), wbc.VelocityLevel()):
-        controller(arm, wbc.Stack([Posture(arm.q0)], contacts=[Foot("tool", friction=0.5)]), level=level)
+        controller(arm, wbc.Stack([T.Posture(arm.q0)], contacts=[Foot("tool", friction=0.5)]), level=level)
         contact = type("Foot", (Foot,), wrong)("tool", friction=0.5)
         with pytest.raises(InvalidInput, match=r"Foot\[tool\]"):
-            controller(arm, wbc.Stack([Posture(arm.q0)], contacts=[contact]), level=level)
+            controller(arm, wbc.Stack([T.Posture(arm.q0)], contacts=[contact]), level=level)
 
 
 def test_torque_limits_that_leave_nothing_are_refused_by_joint(arm: PinocchioModel) -> None:
-    class AtLeast(TorqueLimits.__mro__[1]):  # type: ignore[misc]
+    class AtLeast(T.TorqueLimits.__mro__[1]):  # type: ignore[misc]
         """Every joint gives at least 1.5 N m."""
 
         quantity = "torque"
@@ -187,11 +182,11 @@ def test_torque_limits_that_leave_nothing_are_refused_by_joint(arm: PinocchioMod
             return np.full(7, 1.5), np.full(7, 2.0)
 
     with pytest.raises(InvalidInput, match=arm.joint_names[0]):
-        controller(arm, wbc.Stack([Posture(arm.q0)], subject_to=[TorqueLimits(1.0), AtLeast()]))
+        controller(arm, wbc.Stack([T.Posture(arm.q0)], subject_to=[T.TorqueLimits(1.0), AtLeast()]))
 
 
 def test_a_task_without_damping_needs_a_rate_at_the_velocity_level(arm: PinocchioModel) -> None:
-    stack = wbc.Stack([Position("tool", target=[0.4, 0, 0.4], kd=0.0), Posture(arm.q0)])
+    stack = wbc.Stack([T.Position("tool", target=[0.4, 0, 0.4], kd=0.0), T.Posture(arm.q0)])
     with pytest.raises(InvalidInput, match="rate"):
         controller(arm, stack, level=wbc.VelocityLevel())
     controller(arm, stack, level=wbc.AccelerationLevel())
@@ -205,22 +200,22 @@ def test_a_target_that_stops_giving_rates_is_at_rest(arm: PinocchioModel) -> Non
 
     q, v = moving(arm, 1)
     commands = []
-    for task in (Position("tool", target=target), Position("tool", target=goal)):
-        control = controller(arm, wbc.Stack([task, Posture(arm.q0)]), level=wbc.VelocityLevel())
+    for task in (T.Position("tool", target=target), T.Position("tool", target=goal)):
+        control = controller(arm, wbc.Stack([task, T.Posture(arm.q0)]), level=wbc.VelocityLevel())
         control.tick(0.0, q, v)
         commands.append(control.tick(2.0, q, v).v)
     np.testing.assert_array_equal(*commands)
 
 
 def test_what_a_level_cannot_carry_is_refused_by_name(arm: PinocchioModel) -> None:
-    posture = Posture(arm.q0)
+    posture = T.Posture(arm.q0)
     for level in (wbc.VelocityLevel(), wbc.AccelerationLevel()):
         with pytest.raises(NotSupported, match="TorqueLimits"):
-            controller(arm, wbc.Stack([posture], subject_to=[TorqueLimits()]), level=level)
+            controller(arm, wbc.Stack([posture], subject_to=[T.TorqueLimits()]), level=level)
         with pytest.raises(NotSupported, match="SharedLoad"):
             controller(arm, wbc.Stack([posture], subject_to=[SharedLoad(1.0)]), level=level)
     with pytest.raises(NotSupported, match="Torque"):
-        controller(arm, wbc.Stack([Torque(), posture]), level=wbc.AccelerationLevel())
+        controller(arm, wbc.Stack([T.Torque(), posture]), level=wbc.AccelerationLevel())
 
 
 @pytest.mark.parametrize("level", [wbc.VelocityLevel(), wbc.AccelerationLevel()])
@@ -229,7 +224,7 @@ def test_a_target_that_raises_while_a_controller_is_made_is_named(
     arm: PinocchioModel, level: wbc.VelocityLevel | wbc.AccelerationLevel, error: type[Exception]
 ) -> None:
     """Whichever of the calls that making a controller takes is the first to raise."""
-    for make, value in ((Posture, arm.q0), (lambda f: Position("tool", target=f), np.array([0.4, 0.2, 0.5]))):
+    for make, value in ((T.Posture, arm.q0), (lambda f: T.Position("tool", target=f), np.array([0.4, 0.2, 0.5]))):
         raised = 0
         for sound in range(6):
             calls = iter(range(sound))

@@ -8,19 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 
+import tasks as T
 import wbc
-from tasks import (
-    Damping,
-    FrozenJoints,
-    JointCoupling,
-    JointVelocity,
-    OmniWheel,
-    Position,
-    Posture,
-    Sinusoid,
-    Torque,
-    mimic_joints,
-)
 from tests.tasks.mechanisms import omni_cart
 from tests.tasks.rows_of import moment, rows
 from wbc.models.model import RobotState
@@ -28,7 +17,7 @@ from wbc.testing import check_contact, moments, robots
 from wbc.testing.strategies import states
 
 ARM, _, HUMANOID = robots()
-GEAR = JointCoupling("elbow", to={"shoulder_pitch": -1.5})
+GEAR = T.JointCoupling("elbow", to={"shoulder_pitch": -1.5})
 LEVELS = [wbc.VelocityLevel(), wbc.AccelerationLevel(), wbc.InverseDynamics()]
 each_level = pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
 
@@ -40,9 +29,9 @@ def test_a_gear_with_one_motor_costs_what_it_does_in_its_own_coordinates(state: 
     q, v = state.q.copy(), state.v.copy()
     q[elbow], v[elbow] = -1.5 * q[pitch], -1.5 * v[pitch]
     stack = wbc.Stack(
-        [Posture(ARM.q0, kp=10)],
+        [T.Posture(ARM.q0, kp=10)],
         contacts=[GEAR.with_reaction(name="gear")],
-        subject_to=[Torque(0.0, joints=["elbow"], name="no motor").exactly()],
+        subject_to=[T.Torque(0.0, joints=["elbow"], name="no motor").exactly()],
     )
     command = wbc.Controller(ARM, stack, level=wbc.InverseDynamics()).tick(0.0, q, v)
     here = moment(ARM, q, v)
@@ -57,13 +46,13 @@ def test_a_gear_with_one_motor_costs_what_it_does_in_its_own_coordinates(state: 
 @given(states(ARM))
 def test_a_brake_carries_what_the_motor_would_have_to(state: RobotState):
     joints = [ARM.joint_names[1]]
-    tasks: list[Any] = [Posture(ARM.q0, kp=10)]
+    tasks: list[Any] = [T.Posture(ARM.q0, kp=10)]
     braked = wbc.Stack(
         tasks,
-        contacts=[FrozenJoints(joints).with_reaction(name="brake")],
-        subject_to=[Torque(0.0, joints=joints, name="released").exactly()],
+        contacts=[T.FrozenJoints(joints).with_reaction(name="brake")],
+        subject_to=[T.Torque(0.0, joints=joints, name="released").exactly()],
     )
-    held = wbc.Stack(tasks, subject_to=[FrozenJoints(joints).exactly()])
+    held = wbc.Stack(tasks, subject_to=[T.FrozenJoints(joints).exactly()])
     with_brake, with_motor = (
         wbc.Controller(ARM, stack, level=wbc.InverseDynamics()).tick(0.0, state.q, state.v) for stack in (braked, held)
     )
@@ -73,8 +62,8 @@ def test_a_brake_carries_what_the_motor_would_have_to(state: RobotState):
 
 def test_gains_of_what_a_force_holds_may_be_assigned_between_ticks():
     """At rest and off the coupling, its acceleration is kp e."""
-    gear = JointCoupling("elbow", to={"shoulder_pitch": -1.5}, kp=100.0)
-    stack = wbc.Stack([Posture(ARM.q0)], contacts=[gear.with_reaction(name="gear")])
+    gear = T.JointCoupling("elbow", to={"shoulder_pitch": -1.5}, kp=100.0)
+    stack = wbc.Stack([T.Posture(ARM.q0)], contacts=[gear.with_reaction(name="gear")])
     controller = wbc.Controller(ARM, stack, level=wbc.AccelerationLevel())
     elbow, pitch, found = ARM.joint("elbow"), ARM.joint("shoulder_pitch"), []
     for k, kp in enumerate((100.0, 25.0)):
@@ -90,12 +79,12 @@ def test_wheels_carry_a_cart_and_drive_it(tmp_path: Any):
     robot = omni_cart(tmp_path)
     rollers = {name: (1.0 if name in ("front_left", "rear_right") else -1.0) * np.pi / 4 for name in robot.joint_names}
     wheels = [
-        OmniWheel(f"{name}_wheel", radius=0.1, roller=roller, ground=0.0).with_reaction()
+        T.OmniWheel(f"{name}_wheel", radius=0.1, roller=roller, ground=0.0).with_reaction()
         for name, roller in rollers.items()
     ]
     q = np.array(robot.q0)
     q[:7] = [0.0, 0.0, 0.1, 0.0, 0.0, np.sin(0.3), np.cos(0.3)]
-    stack = wbc.Stack([JointVelocity([2.0, 1.0, 1.0, 2.0], kd=5.0), Damping(weight=1e-6)], contacts=wheels)
+    stack = wbc.Stack([T.JointVelocity([2.0, 1.0, 1.0, 2.0], kd=5.0), T.Damping(weight=1e-6)], contacts=wheels)
     command = wbc.Controller(robot, stack, level=wbc.InverseDynamics()).tick(0.0, q, np.zeros(robot.nv))
     assert command.status.ok
     state = moment(robot, q)
@@ -113,10 +102,10 @@ def test_wheels_carry_a_cart_and_drive_it(tmp_path: Any):
 def test_a_reaction_is_kept_at_every_level_and_follows_a_target(level: Any):
     tool = ARM.frame_names[-1]
     start = moment(ARM, moments(ARM, count=1, seed=3)[0][1])
-    rail = Position(
-        tool, axes="z", target=Sinusoid(start.frame(tool).position[2:], amplitude=0.03, frequency=0.5, ramp=1.0)
+    rail = T.Position(
+        tool, axes="z", target=T.Sinusoid(start.frame(tool).position[2:], amplitude=0.03, frequency=0.5, ramp=1.0)
     )
-    stack = wbc.Stack([Damping(weight=1e-2)], contacts=[rail.with_reaction(name="rail")])
+    stack = wbc.Stack([T.Damping(weight=1e-2)], contacts=[rail.with_reaction(name="rail")])
     controller = wbc.Controller(ARM, stack, level=level, dt=1e-3)
     q, v = start.q.copy(), np.zeros(7)
     for tick in range(800):
@@ -128,7 +117,7 @@ def test_a_reaction_is_kept_at_every_level_and_follows_a_target(level: Any):
 
 
 def test_rows_and_forces_carry_the_names_and_units_of_the_task():
-    stack = wbc.Stack([Posture(ARM.q0)], contacts=[GEAR.with_reaction(name="gear")])
+    stack = wbc.Stack([T.Posture(ARM.q0)], contacts=[GEAR.with_reaction(name="gear")])
     names = [str(row) for row in wbc.Controller(ARM, stack, level=wbc.InverseDynamics()).plan.problem.rows]
     assert any("contact[gear]" in name for name in names) and any("force[gear]" in name for name in names)
     reaction = GEAR.with_reaction()
@@ -153,8 +142,8 @@ def test_mimic_joints_are_gears_with_the_numbers_of_the_file(tmp_path: Any):
     (tmp_path / "hand.urdf").write_text(f'<robot name="hand">{text}</robot>')
     with pytest.warns(UserWarning, match="'oppose' mimics 'grip'"):
         robot = wbc.load(str(tmp_path / "hand.urdf"))
-    (gear,) = mimic_joints(robot, kp=25.0)
+    (gear,) = T.mimic_joints(robot, kp=25.0)
     assert gear.name == "JointCoupling[oppose]" and gear.ratios == {"grip": -0.5} and gear.offset == 0.1
-    stack = wbc.Stack([Posture([0.3, 0.0])], subject_to=[gear.exactly()])
+    stack = wbc.Stack([T.Posture([0.3, 0.0])], subject_to=[gear.exactly()])
     v = wbc.Controller(robot, stack, level=wbc.VelocityLevel()).tick(0.0, np.array([0.2, 0.0]), np.zeros(2)).v
     assert v[1] == pytest.approx(-0.5 * v[0], abs=1e-6)  # 0.1 - 0.5 · 0.2 = 0: it is where it should be

@@ -11,17 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import tasks as T
 import wbc
-from tasks import (
-    CollisionAvoidance,
-    Damping,
-    JointLimits,
-    JointVelocityLimits,
-    Point,
-    Position,
-    Posture,
-    TorqueLimits,
-)
 from tests.stack.conftest import Saying, moving, standing
 from wbc.errors import InvalidInput, NotSupported, WbcError
 from wbc.stack.member import UnknownSetting, bound
@@ -48,24 +39,24 @@ def answer(controller: wbc.Controller, q: Any, v: Any, t: float = 0.0) -> Any:
 @pytest.mark.filterwarnings("ignore::wbc.models.plausible.NothingHoldsTheBase")
 def test_one_task_on_two_robots_is_as_two_tasks(level: Any, weight: float, kd: float, which: str, seed: int) -> None:
     """And what is assigned to it between ticks holds on both."""
-    shared = Damping(kd=10.0, name="shared")
+    shared = T.Damping(kd=10.0, name="shared")
     robots = [ARM, HUMANOID]
-    both = [decided(robot, [shared, Posture(robot.q0, weight=0.5)], level) for robot in robots]
+    both = [decided(robot, [shared, T.Posture(robot.q0, weight=0.5)], level) for robot in robots]
     states = [moving(robot, seed) for robot in robots]
     for controller, state in zip(both, states, strict=True):
         controller.tick(0.0, *state)
     value: Any = {"weight": weight, "kd": kd, "active": False}[which]
     setattr(shared, which, value)
     for controller, robot, state in zip(both, robots, states, strict=True):
-        alone = Damping(kd=10.0, name="shared")
+        alone = T.Damping(kd=10.0, name="shared")
         setattr(alone, which, value)
-        other = decided(robot, [alone, Posture(robot.q0, weight=0.5)], level)
+        other = decided(robot, [alone, T.Posture(robot.q0, weight=0.5)], level)
         np.testing.assert_allclose(answer(controller, *state), answer(other, *state), rtol=1e-9, atol=1e-9)
 
 
 def test_what_depends_on_the_model_is_not_in_the_member() -> None:
-    posture, damping = Posture(ARM.q0), Damping()
-    fingers = Position("tool", target=[0.4, 0.2, 0.5]).within(0.3)
+    posture, damping = T.Posture(ARM.q0), T.Damping()
+    fingers = T.Position("tool", target=[0.4, 0.2, 0.5]).within(0.3)
     before = {member: dict(member.__dict__) for member in (posture, damping, fingers)}
     decided(ARM, [posture, damping], LEVELS[0], subject_to=[fingers])
     for member, values in before.items():
@@ -75,9 +66,9 @@ def test_what_depends_on_the_model_is_not_in_the_member() -> None:
 
 
 def test_limits_contacts_and_what_holds_a_task_are_shared_too() -> None:
-    limits, reach = JointLimits(), Position("tool", target=[0.4, 0.2, 0.5])
-    shared = [limits, reach.within(0.5), CollisionAvoidance(margin=0.01)]
-    first, second = (decided(ARM, [Posture(ARM.q0)], LEVELS[1], subject_to=shared) for _ in range(2))
+    limits, reach = T.JointLimits(), T.Position("tool", target=[0.4, 0.2, 0.5])
+    shared = [limits, reach.within(0.5), T.CollisionAvoidance(margin=0.01)]
+    first, second = (decided(ARM, [T.Posture(ARM.q0)], LEVELS[1], subject_to=shared) for _ in range(2))
     q, v = moving(ARM, 1)
     np.testing.assert_array_equal(answer(first, q, v), answer(second, q, v))
     stack = standing(QUADRUPED)
@@ -101,7 +92,7 @@ def test_what_a_component_overrides_holds_in_its_own_controller_and_tick_alone(
     what: str, level: Any, hierarchy: Any
 ) -> None:
     value = SETTINGS[what]
-    saying, shared = Saying(), [Posture(ARM.q0, kp=50.0), Damping(weight=0.3)]
+    saying, shared = Saying(), [T.Posture(ARM.q0, kp=50.0), T.Damping(weight=0.3)]
     first = wbc.Controller(ARM, wbc.Stack(shared, components=[saying]), level=level, hierarchy=hierarchy)
     second = wbc.Controller(ARM, wbc.Stack(shared), level=level, hierarchy=hierarchy)
     q, v = moving(ARM, 3)
@@ -110,7 +101,7 @@ def test_what_a_component_overrides_holds_in_its_own_controller_and_tick_alone(
     saying.now = wbc.Overrides(tasks={"Posture": {what: value}})
     changed = answer(first, q, v, 1e-3)
     np.testing.assert_array_equal(answer(second, q, v, 1e-3), usual)
-    user = [Posture(ARM.q0, kp=50.0), Damping(weight=0.3)]
+    user = [T.Posture(ARM.q0, kp=50.0), T.Damping(weight=0.3)]
     setattr(user[0], what, value)
     by_user = wbc.Controller(ARM, wbc.Stack(user), level=level, hierarchy=hierarchy)
     np.testing.assert_allclose(changed, answer(by_user, q, v), rtol=1e-9, atol=1e-9)
@@ -139,7 +130,7 @@ def test_a_component_serves_the_controller_that_was_made_or_started_last() -> No
             self.seen += 10
 
     counts = Counts()
-    stack = wbc.Stack([Posture(ARM.q0)], components=[counts])
+    stack = wbc.Stack([T.Posture(ARM.q0)], components=[counts])
     first = wbc.Controller(ARM, stack, level=LEVELS[1])
     answer(first, ARM.q0, np.zeros(7))
     second = wbc.Controller(ARM, stack, level=LEVELS[1])
@@ -154,15 +145,15 @@ def test_a_component_serves_the_controller_that_was_made_or_started_last() -> No
     for k in (2, 3):
         answer(alike, ARM.q0, np.zeros(7), 1e-3 * k)
         answer(first, ARM.q0, np.zeros(7), 1e-3 * k)
-    first.replace(wbc.Stack([Posture(ARM.q0, kp=5.0)], components=[counts]))
+    first.replace(wbc.Stack([T.Posture(ARM.q0, kp=5.0)], components=[counts]))
     answer(first, ARM.q0, np.zeros(7), 4e-3)
 
 
 def test_threads_that_share_members_are_serial_to_the_bit() -> None:
     def made() -> list[wbc.Controller]:
-        moves = Posture(lambda t: (ARM.q0 + 0.1 * np.sin(9.0 * t), np.full(7, 0.9 * np.cos(9.0 * t)), np.zeros(7)))
-        shared = [Position("tool", target=lambda t: np.array([0.4, 0.2 * np.sin(7.0 * t), 0.5])), moves]
-        limits = [JointVelocityLimits(), TorqueLimits(), shared[0].within(2.0)]
+        moves = T.Posture(lambda t: (ARM.q0 + 0.1 * np.sin(9.0 * t), np.full(7, 0.9 * np.cos(9.0 * t)), np.zeros(7)))
+        shared = [T.Position("tool", target=lambda t: np.array([0.4, 0.2 * np.sin(7.0 * t), 0.5])), moves]
+        limits = [T.JointVelocityLimits(), T.TorqueLimits(), shared[0].within(2.0)]
         return [decided(ARM, shared, wbc.InverseDynamics(), subject_to=limits) for _ in range(2)]
 
     def run(controller: wbc.Controller, offset: float, into: list[Any]) -> None:
@@ -186,7 +177,7 @@ def test_threads_that_share_members_are_serial_to_the_bit() -> None:
 
 
 def test_an_assignment_that_one_of_its_plans_cannot_take_is_refused_and_changes_nothing() -> None:
-    shared = Damping()
+    shared = T.Damping()
     controllers = [decided(robot, [shared], LEVELS[1]) for robot in (ARM, HUMANOID)]
     for what in ("weight", "kd"):
         before = getattr(shared, what)
@@ -194,7 +185,7 @@ def test_an_assignment_that_one_of_its_plans_cannot_take_is_refused_and_changes_
             setattr(shared, what, np.ones(7))
         assert getattr(shared, what) is before
     del controllers[1]
-    posture = Posture(ARM.q0)
+    posture = T.Posture(ARM.q0)
     keep = decided(ARM, [posture], LEVELS[1])
     with pytest.raises(InvalidInput, match=r"Posture\.target must have shape \(7,\)"):
         posture.target = np.zeros(5)
@@ -203,16 +194,16 @@ def test_an_assignment_that_one_of_its_plans_cannot_take_is_refused_and_changes_
 
 def test_an_attribute_that_does_not_exist_is_refused_by_the_name_that_is_near() -> None:
     for member, slip, near in (
-        (Posture(ARM.q0), "kpp", "kp"),
-        (Position("tool", target=[0.4, 0.2, 0.5]), "tarqet", "target"),
-        (JointVelocityLimits(), "vmax", "v_max"),
-        (Point("front_left_foot", friction=0.5), "fricton", "friction"),
-        (Posture(ARM.q0).exactly(), "taks", "task"),
+        (T.Posture(ARM.q0), "kpp", "kp"),
+        (T.Position("tool", target=[0.4, 0.2, 0.5]), "tarqet", "target"),
+        (T.JointVelocityLimits(), "vmax", "v_max"),
+        (T.Point("front_left_foot", friction=0.5), "fricton", "friction"),
+        (T.Posture(ARM.q0).exactly(), "taks", "task"),
     ):
         with pytest.raises(UnknownSetting, match=rf"no setting '{slip}'; did you mean '{near}'") as refused:
             setattr(member, slip, 3.0)
         assert isinstance(refused.value, WbcError) and isinstance(refused.value, AttributeError)
-    controller = decided(ARM, [Damping()], LEVELS[0])
+    controller = decided(ARM, [T.Damping()], LEVELS[0])
     with pytest.raises(NotSupported, match=r"controller\.dt is fixed at 0\.001 s"):
         controller.dt = 2e-3
 
@@ -244,7 +235,7 @@ def test_what_a_component_sees_is_to_be_read() -> None:
         plan.stack.tasks[0].weight = 0.0
 
     for write in (torques, bias, normals, motion, weight):
-        stack = wbc.Stack([Posture(ARM.q0)], subject_to=[JointLimits()], components=[Writes(write)])
+        stack = wbc.Stack([T.Posture(ARM.q0)], subject_to=[T.JointLimits()], components=[Writes(write)])
         controller = wbc.Controller(ARM, stack, level=wbc.InverseDynamics())
         command = controller.tick(0.0, *moving(ARM, 2))
         assert not command.status.ok and "Writes.before raised" in controller.why
@@ -253,8 +244,8 @@ def test_what_a_component_sees_is_to_be_read() -> None:
 
 def test_what_is_written_into_an_array_after_it_was_assigned_goes_unseen():
     """Two tasks are given one array, one after the other, with other numbers in it."""
-    left, right = Position("left_hand", target=np.zeros(3)), Position("right_hand", target=np.zeros(3))
-    controller = decided(HUMANOID, [left, right, Damping(weight=1e-3)], wbc.VelocityLevel())
+    left, right = T.Position("left_hand", target=np.zeros(3)), T.Position("right_hand", target=np.zeros(3))
+    controller = decided(HUMANOID, [left, right, T.Damping(weight=1e-3)], wbc.VelocityLevel())
     controller.tick(0.0, HUMANOID.q0, np.zeros(HUMANOID.nv))
     place = np.array([0.3, 0.2, 1.0])
     left.target = place
@@ -266,7 +257,7 @@ def test_what_is_written_into_an_array_after_it_was_assigned_goes_unseen():
         np.testing.assert_allclose(errors[task.name], target - state.frame(task.frame).position, atol=1e-12)
 
 
-class Coupled(Posture):
+class Coupled(T.Posture):
     """Whose setting ``first`` takes ``second`` back."""
 
     _first = _second = 0

@@ -7,20 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-import tasks
+import tasks as T
 import wbc
-from tasks import (
-    CenterOfMass,
-    Distance,
-    Frame,
-    JointPositionLimits,
-    JointVelocityLimits,
-    Position,
-    Posture,
-    Rolling,
-    Sinusoid,
-    TorqueLimits,
-)
 from tests.stack.conftest import moving, standing
 from wbc.errors import InvalidInput, NotSupported
 from wbc.models.pinocchio_ import PinocchioModel
@@ -64,7 +52,8 @@ class SlowSum(LinearConstraint):
 
 def reach(arm: PinocchioModel, *soft: object, hard: tuple = ()) -> wbc.Stack:
     return wbc.Stack(
-        [Position("tool", target=[0.5, 0.1, 0.4], kp=50), Posture(arm.q0, kp=10, weight=1e-2), *soft], subject_to=hard
+        [T.Position("tool", target=[0.5, 0.1, 0.4], kp=50), T.Posture(arm.q0, kp=10, weight=1e-2), *soft],
+        subject_to=hard,
     )
 
 
@@ -75,9 +64,9 @@ def decided(robot: PinocchioModel, stack: wbc.Stack, level: wbc.stack.formulatio
 
 @pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
 def test_a_soft_constraint_that_holds_changes_nothing(arm: PinocchioModel, level) -> None:
-    constraints = [Ceiling(9.0), SlowSum(1e3), JointVelocityLimits(90.0), JointPositionLimits()]
+    constraints = [Ceiling(9.0), SlowSum(1e3), T.JointVelocityLimits(90.0), T.JointPositionLimits()]
     if level.dynamics:
-        constraints.append(TorqueLimits(1e4))
+        constraints.append(T.TorqueLimits(1e4))
     bare = decided(arm, reach(arm), level)
     soft = decided(arm, reach(arm, *(constraint.softly(weight=5.0) for constraint in constraints)), level)
     assert soft.status.ok
@@ -87,13 +76,13 @@ def test_a_soft_constraint_that_holds_changes_nothing(arm: PinocchioModel, level
 @pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
 @pytest.mark.parametrize(
     "constraint",
-    [Ceiling(0.3), SlowSum(0.01), JointVelocityLimits(0.02), TorqueLimits(2.0)],
+    [Ceiling(0.3), SlowSum(0.01), T.JointVelocityLimits(0.02), T.TorqueLimits(2.0)],
     ids=lambda constraint: constraint.name,
 )
 def test_a_very_heavy_soft_constraint_is_the_constraint_and_a_light_one_is_none(
     arm: PinocchioModel, level, constraint
 ) -> None:
-    if isinstance(constraint, TorqueLimits) and not level.dynamics:
+    if isinstance(constraint, T.TorqueLimits) and not level.dynamics:
         with pytest.raises(NotSupported, match="torque"):
             decided(arm, reach(arm, constraint.softly()), level)
         return
@@ -112,7 +101,7 @@ def test_a_very_heavy_soft_constraint_is_the_constraint_and_a_light_one_is_none(
 def test_a_soft_limit_is_exceeded_by_its_share_of_the_least_squares(arm: PinocchioModel) -> None:
     q, v = moving(arm, 1)
     limit, weight, rate = 0.05, 3.0, 2.0
-    stack = wbc.Stack([Posture(arm.q0 + 1.0, rate=rate), JointVelocityLimits(limit).softly(weight=weight)])
+    stack = wbc.Stack([T.Posture(arm.q0 + 1.0, rate=rate), T.JointVelocityLimits(limit).softly(weight=weight)])
     command = wbc.Controller(arm, stack, level=wbc.VelocityLevel()).tick(0.0, q, v)
     wanted = rate * (arm.q0 + 1.0 - q)  # per joint: ½ (v − wanted)² + ½ · 3 · (v − limit)², above the limit
     np.testing.assert_allclose(command.v, (wanted + weight * limit) / (1 + weight), rtol=1e-6)
@@ -120,7 +109,7 @@ def test_a_soft_limit_is_exceeded_by_its_share_of_the_least_squares(arm: Pinocch
 
 def test_soft_torque_limits_keep_a_humanoid_standing_with_less_torque(humanoid: PinocchioModel) -> None:
     bare = decided(humanoid, standing(humanoid), wbc.InverseDynamics())
-    soft = decided(humanoid, standing(humanoid, extra=(TorqueLimits(8.0).softly(weight=1.0),)), wbc.InverseDynamics())
+    soft = decided(humanoid, standing(humanoid, extra=(T.TorqueLimits(8.0).softly(weight=1.0),)), wbc.InverseDynamics())
     assert soft.status.ok and soft.certificate.ok
     over = [np.maximum(np.abs(command.tau) - 8.0, 0.0).sum() for command in (soft, bare)]
     assert over[0] < 0.9 * over[1]
@@ -128,7 +117,7 @@ def test_soft_torque_limits_keep_a_humanoid_standing_with_less_torque(humanoid: 
 
 
 def test_a_soft_constraint_names_its_rows_and_its_slack(arm: PinocchioModel) -> None:
-    stack = reach(arm, JointVelocityLimits(0.02).softly(weight=2.0), Ceiling(0.3).softly())
+    stack = reach(arm, T.JointVelocityLimits(0.02).softly(weight=2.0), Ceiling(0.3).softly())
     plan = wbc.VelocityLevel().compile(arm, stack, dt=0.01)
     names = [str(row) for row in plan.problem.rows]
     assert f"JointVelocityLimits softly: {arm.joint_names[0]}" in names
@@ -144,7 +133,7 @@ TOOL = ARM.frame_names[-1]
 #: Tasks that have an error in every row.
 MEMBERS = [
     member
-    for _, member in sorted(vars(tasks).items())
+    for _, member in sorted(vars(T).items())
     if isinstance(member, type)
     and issubclass(member, Task)
     and member.__name__ not in ("ProjectedGradient", "Rolling", "OmniWheel")
@@ -166,10 +155,10 @@ def test_any_task_with_an_error_is_a_barrier(member: Any, robot: Any):
 def test_a_hand_follows_within_its_tolerance_and_no_nearer_than_it_must(level: Any):
     start = ARM.state()
     start.update(0.0, ARM.q0 + 0.5, np.zeros(7))
-    path = Sinusoid(start.frame(TOOL).position, amplitude=[0.0, 0.15, 0.0], frequency=0.5, ramp=1.0)
-    follow = Position(TOOL, target=path)
+    path = T.Sinusoid(start.frame(TOOL).position, amplitude=[0.0, 0.15, 0.0], frequency=0.5, ramp=1.0)
+    follow = T.Position(TOOL, target=path)
     stack = wbc.Stack(
-        [Posture(start.q, kp=25.0)], subject_to=[follow.within(0.05, rate=20.0), JointVelocityLimits(20.0)]
+        [T.Posture(start.q, kp=25.0)], subject_to=[follow.within(0.05, rate=20.0), T.JointVelocityLimits(20.0)]
     )
     controller = wbc.Controller(ARM, stack, level=level, dt=2e-3)
     q, v, found = start.q.copy(), np.zeros(7), []
@@ -184,16 +173,16 @@ def test_a_hand_follows_within_its_tolerance_and_no_nearer_than_it_must(level: A
 
 
 def test_an_interval_may_be_one_sided_and_may_be_a_wish():
-    apart = Distance(TOOL, to=[0.0, 0.0, 0.3], target=0.4)
+    apart = T.Distance(TOOL, to=[0.0, 0.0, 0.3], target=0.4)
     constraint = apart.within(-np.inf, 0.0)  # e = 0.4 - r <= 0: at least 0.4 m apart
     constraint.prepare(ARM)
     assert constraint.dim == 1 and constraint.label(0) == "<=" and constraint.unit(0) == "m"
-    stack = wbc.Stack([constraint.softly(weight=10.0), Posture(ARM.q0, weight=1e-3)])
+    stack = wbc.Stack([constraint.softly(weight=10.0), T.Posture(ARM.q0, weight=1e-3)])
     assert wbc.Controller(ARM, stack, level=wbc.VelocityLevel()).tick(0.0, ARM.q0, np.zeros(7)).status.ok
 
 
 def test_bounds_are_said_in_the_units_and_by_the_rows_of_the_task():
-    constraint = Frame(TOOL, target=np.eye(4)).within([-0.1, -0.1, -0.1, -0.5, -np.inf, -0.5], 0.6)
+    constraint = T.Frame(TOOL, target=np.eye(4)).within([-0.1, -0.1, -0.1, -0.5, -np.inf, -0.5], 0.6)
     constraint.prepare(ARM)
     assert constraint.dim == 11
     assert [(constraint.label(i), constraint.unit(i)) for i in (0, 4, 10)] == [
@@ -204,7 +193,7 @@ def test_bounds_are_said_in_the_units_and_by_the_rows_of_the_task():
 
 
 def test_rows_that_ask_for_velocities_have_no_interval():
-    wheel = Rolling(TOOL, radius=0.1, ground=0.0)
+    wheel = T.Rolling(TOOL, radius=0.1, ground=0.0)
     with pytest.raises(InvalidInput, match="row 0 has kp = 0, so it is a velocity task"):
         wheel.within(0.1).prepare(ARM)
     constraint = wheel.within([-np.inf, -np.inf, -0.1], np.inf)
@@ -213,7 +202,7 @@ def test_rows_that_ask_for_velocities_have_no_interval():
 
 
 def test_tolerances_count_on_both_sides():
-    constraint = CenterOfMass(target=[0.0, 0.0, 0.8]).within([0.1, 0.2, 0.3])
+    constraint = T.CenterOfMass(target=[0.0, 0.0, 0.8]).within([0.1, 0.2, 0.3])
     constraint.prepare(ROBOTS[2])
     assert constraint.dim == 6 and constraint.name == "CenterOfMass within"
 
@@ -227,4 +216,4 @@ def test_tolerances_count_on_both_sides():
 )  # fmt: skip
 def test_bounds_that_are_no_numbers_are_refused_by_name(bounds: Any, which: str):
     with pytest.raises(InvalidInput, match=rf"Position\[{TOOL}\] within.{which} must be an array of numbers, not"):
-        Position(TOOL, target=[0.3, 0.0, 0.5]).within(*bounds)
+        T.Position(TOOL, target=[0.3, 0.0, 0.5]).within(*bounds)

@@ -15,19 +15,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import tasks
+import tasks as T
 import wbc
-from tasks import (
-    ContactSchedule,
-    FaultReaction,
-    MeasuredWrench,
-    MomentumObserver,
-    Posture,
-    Sinusoid,
-    SlotineLi,
-    TorqueLimits,
-    feet,
-)
 from tests.tasks.rows_of import linear_rows, rows
 from tests.test_features import contacts_of
 from wbc.arguments import UnknownArgument, WrongArguments
@@ -48,7 +37,7 @@ from wbc.testing.levels import LEVELS, stack_with
 
 HUMANOID = robots()[2]
 KINDS = {Objective: check_task, Constraint: check_constraint, Contact: check_contact}
-LIBRARY = Path(tasks.__file__).parent
+LIBRARY = Path(T.__file__).parent
 #: Folders of the package that hold programs, not members.
 PROGRAMS = {"scenarios", "workloads"}
 
@@ -58,11 +47,11 @@ def is_member(value: Any, kinds: tuple[type, ...] = tuple(KINDS)) -> bool:
     return isinstance(value, type) and issubclass(value, kinds) and not inspect.isabstract(value)
 
 
-MEMBERS = [value for name, value in sorted(vars(tasks).items()) if is_member(value)]
+MEMBERS = [value for name, value in sorted(vars(T).items()) if is_member(value)]
 #: Everything else that users make by name.
-OTHERS = [value for name, value in sorted(vars(tasks).items()) if is_member(value, (Component,))] + [
+OTHERS = [value for name, value in sorted(vars(T).items()) if is_member(value, (Component,))] + [
     wbc.Stack, wbc.Controller, wbc.Weighted, wbc.Strict, wbc.Scaled, wbc.VelocityLevel, wbc.AccelerationLevel,
-    wbc.InverseDynamics, tasks.Sinusoid, tasks.MinimumJerk, tasks.PoseInterpolation, tasks.Piecewise, Push,
+    wbc.InverseDynamics, T.Sinusoid, T.MinimumJerk, T.PoseInterpolation, T.Piecewise, Push,
     IntegratorPlant, wbc.Overrides,
 ]  # fmt: skip
 
@@ -202,7 +191,7 @@ class Mine(wbc.Task):
         out.J[:] = state.frame(self.frame).jacobian()[2]
 
 
-class MyDamping(tasks.Damping):
+class MyDamping(T.Damping):
     """A class of the library with one more attribute."""
 
     def __init__(self, extra: float) -> None:
@@ -210,7 +199,7 @@ class MyDamping(tasks.Damping):
         self.extra = extra
 
 
-class MyPlane(tasks.HalfSpaceLimit):
+class MyPlane(T.HalfSpaceLimit):
     """Without a constructor of its own."""
 
     colour = "red"
@@ -273,7 +262,7 @@ def test_a_member_says_what_it_is_and_shows_how(member: Any):
 
 def test_a_member_may_be_used_by_its_name_alone():
     kinds = (*KINDS, Component)
-    exported = {value for value in vars(tasks).values() if is_member(value, kinds)}
+    exported = {value for value in vars(T).values() if is_member(value, kinds)}
     for module in pkgutil.walk_packages([str(LIBRARY)], "wbc.tasks."):
         if module.name.split(".")[2] in PROGRAMS:
             continue
@@ -304,7 +293,7 @@ CHOSEN = {
     "force_rate": (0.01, 0.2), "friction_share": (0.5, 1.0), "dominance": (2.0, 20.0), "sides": (4, 4),
     "smoothing": (1e-4, 1e-2), "floor": (1e-8, 1e-4),
 }  # fmt: skip
-MADE = {name: made for name, made in sorted(vars(tasks).items()) if callable(made) and not name.startswith("_")}
+MADE = {name: made for name, made in sorted(vars(T).items()) if callable(made) and not name.startswith("_")}
 
 
 def defaults(made: Any) -> dict[str, np.ndarray]:
@@ -319,18 +308,18 @@ def defaults(made: Any) -> dict[str, np.ndarray]:
 
 #: What has no samples, with no more arguments than it must have.
 BARE: dict[str, Callable[[], Any]] = {
-    "Clearance": lambda: tasks.Clearance("tool", point=[0.0, 0.0, 0.0]),
-    "Comply": tasks.Comply,
-    "ContactSchedule": lambda: tasks.ContactSchedule([(0.0, ["foot"])]),
-    "FaultReaction": lambda: tasks.FaultReaction(tasks.MomentumObserver(gain=1.0)),
-    "Follow": lambda: tasks.Follow([0.0], velocity=1.0, acceleration=1.0, jerk=1.0),
-    "MeasuredWrench": lambda: tasks.MeasuredWrench("tool"),
-    "MinimumJerk": lambda: tasks.MinimumJerk([0.0], [1.0], duration=1.0),
-    "MomentumObserver": lambda: tasks.MomentumObserver(gain=1.0),
-    "PoseInterpolation": lambda: tasks.PoseInterpolation(np.eye(4), np.eye(4), duration=1.0),
-    "Sinusoid": lambda: tasks.Sinusoid([0.0], amplitude=1.0, frequency=1.0),
-    "SlotineLi": lambda: tasks.SlotineLi([0.0], kp=1.0, kd=1.0, gain=1.0),
-    "feet": lambda: tasks.feet(wbc.load("humanoid")),
+    "Clearance": lambda: T.Clearance("tool", point=[0.0, 0.0, 0.0]),
+    "Comply": T.Comply,
+    "ContactSchedule": lambda: T.ContactSchedule([(0.0, ["foot"])]),
+    "FaultReaction": lambda: T.FaultReaction(T.MomentumObserver(gain=1.0)),
+    "Follow": lambda: T.Follow([0.0], velocity=1.0, acceleration=1.0, jerk=1.0),
+    "MeasuredWrench": lambda: T.MeasuredWrench("tool"),
+    "MinimumJerk": lambda: T.MinimumJerk([0.0], [1.0], duration=1.0),
+    "MomentumObserver": lambda: T.MomentumObserver(gain=1.0),
+    "PoseInterpolation": lambda: T.PoseInterpolation(np.eye(4), np.eye(4), duration=1.0),
+    "Sinusoid": lambda: T.Sinusoid([0.0], amplitude=1.0, frequency=1.0),
+    "SlotineLi": lambda: T.SlotineLi([0.0], kp=1.0, kd=1.0, gain=1.0),
+    "feet": lambda: T.feet(wbc.load("humanoid")),
 }
 
 
@@ -383,25 +372,25 @@ def test_the_names_above_are_those_of_arguments():
 ARM, QUADRUPED = wbc.load("arm"), wbc.load("quadruped")
 
 
-def arm_observer() -> MomentumObserver:
+def arm_observer() -> T.MomentumObserver:
     """Of the arm."""
-    return MomentumObserver(gain=100.0, threshold=1.0, persistence=2)
+    return T.MomentumObserver(gain=100.0, threshold=1.0, persistence=2)
 
 
-def adaptive(robot: RobotModel, **settings: Any) -> SlotineLi:
+def adaptive(robot: RobotModel, **settings: Any) -> T.SlotineLi:
     """Follows a wave."""
-    return SlotineLi(Sinusoid(robot.q0, amplitude=0.1, frequency=0.5), kp=50.0, kd=20.0, gain=2.0, **settings)
+    return T.SlotineLi(T.Sinusoid(robot.q0, amplitude=0.1, frequency=0.5), kp=50.0, kd=20.0, gain=2.0, **settings)
 
 
 def component_samples() -> dict[str, tuple[RobotModel, list[Component]]]:
     """A robot and the components of a stack for it, new ones."""
     watches = arm_observer()
-    names = [foot.name for foot in feet(QUADRUPED)]
+    names = [foot.name for foot in T.feet(QUADRUPED)]
     planar = Planar4P()
     return {
-        "ContactSchedule": (QUADRUPED, [ContactSchedule([(0.0, names), (0.01, names[:3])])]),
-        "FaultReaction": (ARM, [watches, FaultReaction(watches, start=0.0)]),
-        "MeasuredWrench": (ARM, [MeasuredWrench("tool", wrench=[0.0, 0.0, -5.0])]),
+        "ContactSchedule": (QUADRUPED, [T.ContactSchedule([(0.0, names), (0.01, names[:3])])]),
+        "FaultReaction": (ARM, [watches, T.FaultReaction(watches, start=0.0)]),
+        "MeasuredWrench": (ARM, [T.MeasuredWrench("tool", wrench=[0.0, 0.0, -5.0])]),
         "MomentumObserver": (ARM, [arm_observer()]),
         "SlotineLi": (ARM, [adaptive(ARM, composite=0.1, window=0.5, estimate_floor=1e-3)]),
         "SlotineLi of a planar robot": (planar, [adaptive(planar)]),
@@ -411,10 +400,10 @@ def component_samples() -> dict[str, tuple[RobotModel, list[Component]]]:
 def component_controller(name: str) -> tuple[wbc.Controller, list[Component]]:
     """With a stack for those components."""
     robot, components = component_samples()[name]
-    asked = [component.torque for component in components if isinstance(component, SlotineLi)]
+    asked = [component.torque for component in components if isinstance(component, T.SlotineLi)]
     stack = wbc.Stack(
-        [Posture(robot.q0), *asked], components=components, contacts=feet(robot) if robot is QUADRUPED else [],
-        subject_to=[TorqueLimits()] if robot.nj > 4 else [],
+        [T.Posture(robot.q0), *asked], components=components, contacts=T.feet(robot) if robot is QUADRUPED else [],
+        subject_to=[T.TorqueLimits()] if robot.nj > 4 else [],
     )  # fmt: skip
     return wbc.Controller(robot, stack, level=wbc.InverseDynamics()), components
 
@@ -425,7 +414,7 @@ def signals(components: list[Component]) -> list[Any]:
 
 
 def test_all_components_of_the_library_are_tried() -> None:
-    kinds = {name for name, kind in vars(tasks).items() if isinstance(kind, type) and issubclass(kind, Component)}
+    kinds = {name for name, kind in vars(T).items() if isinstance(kind, type) and issubclass(kind, Component)}
     assert kinds == {name.split()[0] for name in component_samples()}
 
 

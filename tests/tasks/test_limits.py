@@ -11,16 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tasks import (
-    JointAccelerationLimits,
-    JointLimits,
-    JointPositionLimits,
-    JointVelocity,
-    JointVelocityLimits,
-    Posture,
-    TorqueLimits,
-    TorqueSpeedLimits,
-)
+import tasks as T
 from tests.stack.conftest import Saying
 from wbc import Controller, InverseDynamics, Overrides, Stack
 from wbc.errors import InvalidInput
@@ -43,14 +34,14 @@ def with_limit(field: str, value: float) -> Any:
 @pytest.mark.parametrize(
     ("constraint", "upper"),
     [
-        (JointVelocityLimits(), ARM.limits.v_max),
-        (TorqueLimits(), ARM.limits.tau_max),
-        (JointPositionLimits(), ARM.limits.q_max),
-        (JointAccelerationLimits({}), np.full(ARM.nj, np.inf)),
-        (JointVelocityLimits(0.5), np.full(ARM.nj, 0.5)),
-        (TorqueLimits(np.arange(1.0, 8.0)), np.arange(1.0, 8.0)),
-        (JointVelocityLimits({SECOND: 0.1}), np.where(np.arange(7) == 1, 0.1, ARM.limits.v_max)),
-        (TorqueLimits({FIRST: np.inf}), np.where(np.arange(7) == 0, np.inf, ARM.limits.tau_max)),
+        (T.JointVelocityLimits(), ARM.limits.v_max),
+        (T.TorqueLimits(), ARM.limits.tau_max),
+        (T.JointPositionLimits(), ARM.limits.q_max),
+        (T.JointAccelerationLimits({}), np.full(ARM.nj, np.inf)),
+        (T.JointVelocityLimits(0.5), np.full(ARM.nj, 0.5)),
+        (T.TorqueLimits(np.arange(1.0, 8.0)), np.arange(1.0, 8.0)),
+        (T.JointVelocityLimits({SECOND: 0.1}), np.where(np.arange(7) == 1, 0.1, ARM.limits.v_max)),
+        (T.TorqueLimits({FIRST: np.inf}), np.where(np.arange(7) == 0, np.inf, ARM.limits.tau_max)),
     ],
 )
 def test_bounds_come_from_the_model_unless_given(constraint: Any, upper: Any):
@@ -61,7 +52,7 @@ def test_bounds_come_from_the_model_unless_given(constraint: Any, upper: Any):
 
 
 def test_the_limits_of_the_model_are_copied():
-    JointPositionLimits().bounds(ARM)[1][:] = 0.0
+    T.JointPositionLimits().bounds(ARM)[1][:] = 0.0
     assert ARM.limits.q_max.any()
 
 
@@ -69,9 +60,9 @@ def test_the_limits_of_the_model_are_copied():
     ("constraint", "field", "value", "says", "own"),
     [
         *((kind, field, value, f"{field} of joint '{FIRST}' is .*Pass {field}=.* to overrule", {field: {FIRST: 3.0}})
-          for kind, field in ((JointVelocityLimits, "v_max"), (TorqueLimits, "tau_max"))
+          for kind, field in ((T.JointVelocityLimits, "v_max"), (T.TorqueLimits, "tau_max"))
           for value in (0.0, -1.0, np.nan)),
-        (JointPositionLimits, "q_max", -100.0, f"joint '{FIRST}' has limits .*lower must not be above upper",
+        (T.JointPositionLimits, "q_max", -100.0, f"joint '{FIRST}' has limits .*lower must not be above upper",
          {"upper": {FIRST: 3.0}}),
     ],
 )  # fmt: skip
@@ -89,30 +80,30 @@ def test_all_joints_whose_limits_make_no_sense_are_named_at_once():
     names = ARM.joint_names[1:4]
     bad = np.isin(ARM.joint_names, names)
     slow = ARM.replace(limits=replace(ARM.limits, v_max=np.where(bad, 0.0, 1.0), q_max=np.where(bad, -9.0, 3.0)))
-    for constraint in (JointVelocityLimits(), JointPositionLimits()):
+    for constraint in (T.JointVelocityLimits(), T.JointPositionLimits()):
         with pytest.raises(InvalidInput) as refusal:
             constraint.prepare(slow)
         assert all(f"joint {name!r}" in str(refusal.value) for name in names)
-    JointVelocityLimits(dict.fromkeys(names, 1.0)).prepare(slow)
+    T.JointVelocityLimits(dict.fromkeys(names, 1.0)).prepare(slow)
 
 
 @pytest.mark.parametrize("wrong", range(1, 8))
 def test_a_limit_that_many_joints_get_wrong_names_three_of_them(wrong: int):
     values = np.where(np.arange(7) < wrong, -2.0, 1.0)
     with pytest.raises(InvalidInput, match=r"v_max of joint .* is -2.*; a limit is positive") as refused:
-        JointVelocityLimits(values).prepare(ARM)
+        T.JointVelocityLimits(values).prepare(ARM)
     said = str(refused.value)
     assert [f"joint {joint!r} is" in said for joint in ARM.joint_names] == [k < min(wrong, 3) for k in range(7)]
     assert (f"and of {wrong - 3} more" in said) == (wrong > 3)
 
 
 def test_equal_position_limits_are_allowed():
-    lower, upper = JointPositionLimits(lower={FIRST: 0.2}, upper={FIRST: 0.2}).bounds(ARM)
+    lower, upper = T.JointPositionLimits(lower={FIRST: 0.2}, upper={FIRST: 0.2}).bounds(ARM)
     assert lower[0] == upper[0] == 0.2
 
 
 # ---- torque against speed: a motor gives what its curve leaves it, and brakes with all it has
-def narrowed(constraint: TorqueSpeedLimits, v: Any) -> tuple[Vec, Vec]:
+def narrowed(constraint: T.TorqueSpeedLimits, v: Any) -> tuple[Vec, Vec]:
     constraint.prepare(ARM)
     lower, upper = constraint.bounds(ARM)
     constraint.narrow(np.full(ARM.nj, v, dtype=np.float64), lower, upper)
@@ -125,29 +116,29 @@ def narrowed(constraint: TorqueSpeedLimits, v: Any) -> tuple[Vec, Vec]:
      (9.0, -10.0, 0.0), (-3.0, -5.0, 10.0), (-9.0, 0.0, 10.0)],
 )  # fmt: skip
 def test_full_up_to_the_corner_then_falling_to_nothing(v: float, lower: float, upper: float):
-    found = narrowed(TorqueSpeedLimits(4.0, 10.0, corner_speed=2.0), v)
+    found = narrowed(T.TorqueSpeedLimits(4.0, 10.0, corner_speed=2.0), v)
     np.testing.assert_allclose([bound[0] for bound in found], (lower, upper), atol=1e-12)
 
 
 @given(st.floats(-1e3, 1e3), st.floats(1e-2, 1e2), st.floats(0.0, 0.99))
 def test_zero_is_always_allowed_and_neither_side_jumps(v: float, free: float, corner: float):
-    constraint = TorqueSpeedLimits(free, 10.0, corner_speed=corner * free)
+    constraint = T.TorqueSpeedLimits(free, 10.0, corner_speed=corner * free)
     (lower, upper), (low, high) = narrowed(constraint, v), narrowed(constraint, v + 1e-9 * free)
     assert (lower <= 0.0).all() and (upper >= 0.0).all()
     np.testing.assert_allclose((low, high), (lower, upper), atol=1e-5)
 
 
 def test_joints_left_out_keep_what_the_model_says():
-    lower, upper = narrowed(TorqueSpeedLimits({FIRST: 1.0}), 100.0)
+    lower, upper = narrowed(T.TorqueSpeedLimits({FIRST: 1.0}), 100.0)
     assert (lower[0], upper[0]) == (-ARM.limits.tau_max[0], 0.0)
     np.testing.assert_array_equal(upper[1:], ARM.limits.tau_max[1:])
 
 
-@pytest.mark.parametrize("limits", [lambda: [TorqueSpeedLimits(2.0)], lambda: [JointLimits(no_load_speed=2.0)]])
+@pytest.mark.parametrize("limits", [lambda: [T.TorqueSpeedLimits(2.0)], lambda: [T.JointLimits(no_load_speed=2.0)]])
 def test_a_controller_commands_no_more_than_the_speed_leaves(limits: Any):
-    faster = JointVelocity(np.full(ARM.nj, 3.0), kd=200.0)
-    controller = Controller(ARM, Stack([faster], subject_to=[*limits(), TorqueLimits()]), level=InverseDynamics())
-    constraint = TorqueSpeedLimits(2.0)
+    faster = T.JointVelocity(np.full(ARM.nj, 3.0), kd=200.0)
+    controller = Controller(ARM, Stack([faster], subject_to=[*limits(), T.TorqueLimits()]), level=InverseDynamics())
+    constraint = T.TorqueSpeedLimits(2.0)
     tight = 0
     for v in (0.0, 0.5, 1.5, 1.9):
         command = controller.tick(0.0, ARM.q0, np.full(ARM.nv, v))
@@ -159,7 +150,7 @@ def test_a_controller_commands_no_more_than_the_speed_leaves(limits: Any):
 
 def test_what_a_component_takes_away_stays_away():
     saying = Saying()
-    stack = Stack([Posture(ARM.q0)], subject_to=[TorqueSpeedLimits(2.0)], components=[saying])
+    stack = Stack([T.Posture(ARM.q0)], subject_to=[T.TorqueSpeedLimits(2.0)], components=[saying])
     controller = Controller(ARM, stack, level=InverseDynamics())
     controller.tick(0.0, ARM.q0, np.zeros(ARM.nv))
     saying.now = Overrides(torque=(-1.0, 1.0))

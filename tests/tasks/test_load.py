@@ -11,19 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import tasks as T
 import wbc
-from tasks import (
-    Carry,
-    Comply,
-    FaultReaction,
-    JointPositionLimits,
-    MomentumObserver,
-    Posture,
-    Release,
-    Sinusoid,
-    TorqueLimits,
-    When,
-)
 from tasks.components.diagnosis import Diagnosis
 from tasks.components.draft import Draft
 from tasks.components.load import BLOCK, Load, LoadFit, LoadRegressor
@@ -69,7 +58,7 @@ def test_two_loads_weigh_and_resist_together() -> None:
     loads = [Load("tool", 1.0, np.array([0.0, 0.1, 0.0])), Load("forearm", 0.5, np.zeros(3))]
     for load in loads:
         carried = Diagnosis("payload", 0, ARM.joint_names[0], 0.0, 0.0, np.zeros(ARM.nj), load=load)
-        Carry(MomentumObserver(gain=1.0)).hold(carried, state, draft)
+        T.Carry(T.MomentumObserver(gain=1.0)).hold(carried, state, draft)
     np.testing.assert_allclose(draft.bias, loads[0].weight(state) + loads[1].weight(state), atol=1e-12)
     np.testing.assert_allclose(draft.inertia, loads[0].inertia(state) + loads[1].inertia(state), atol=1e-12)
 
@@ -102,7 +91,7 @@ def fitted(missing: object, *, ticks: int = 40 * BLOCK, moving: float = 1.0) -> 
     """What a fit says of an arm that moves along sines and misses ``missing(state, Y)`` (nj,) in each tick."""
     state, regressor = ARM.state(), LoadRegressor("tool")
     fit = LoadFit("tool", np.full(ARM.nj, 0.3), np.ones(ARM.nj))
-    wave = Sinusoid(ARM.q0, amplitude=0.3 * moving, frequency=np.linspace(0.3, 0.6, ARM.nj))
+    wave = T.Sinusoid(ARM.q0, amplitude=0.3 * moving, frequency=np.linspace(0.3, 0.6, ARM.nj))
     found = None
     for k in range(ticks):
         q, v, _ = wave(1e-3 * k)
@@ -143,9 +132,9 @@ def test_what_is_no_load_is_not_called_one() -> None:
 class Carries(wbc.Component):
     """What :class:`Carry` says of a load, from the first tick on."""
 
-    def __init__(self, load: Load, observer: MomentumObserver) -> None:
+    def __init__(self, load: Load, observer: T.MomentumObserver) -> None:
         super().__init__()
-        self.carry, self.load = Carry(observer), load
+        self.carry, self.load = T.Carry(observer), load
 
     def before(self, state: Any, last: object, plan: Any) -> wbc.Overrides:
         found = Diagnosis("payload", 0, ARM.joint_names[0], 0.0, 0.0, np.zeros(ARM.nj), load=self.load)
@@ -162,8 +151,8 @@ def test_of_a_load_that_is_carried_nothing_is_missing(seed: int) -> None:
     """The observer and the dynamics mean the same load: no motion, however fast, looks like a failing motor."""
     rng, dt = np.random.default_rng(seed), 1e-3
     load = Load("tool", rng.uniform(1.0, 3.0), 0.1 * rng.standard_normal(3))
-    observer, model = MomentumObserver(gain=100.0), loaded(ARM, load)
-    stack = wbc.Stack([Posture(ARM.q0, kp=100)], components=[observer, Carries(load, observer)])
+    observer, model = T.MomentumObserver(gain=100.0), loaded(ARM, load)
+    stack = wbc.Stack([T.Posture(ARM.q0, kp=100)], components=[observer, Carries(load, observer)])
     controller = wbc.Controller(ARM, stack, level=wbc.InverseDynamics())
     q, v, data = ARM.q0.copy(), rng.choice([-3.0, 3.0], ARM.nv), model.createData()
     missing = 0.0
@@ -180,17 +169,17 @@ def test_of_a_load_that_is_carried_nothing_is_missing(seed: int) -> None:
 # ---- in a stack that runs
 def waving(
     disturbances: Sequence[Disturbance], *, carries: bool = True, duration: float = 2.4, noise: float = 0.0
-) -> tuple[wbc.Run, FaultReaction]:
+) -> tuple[wbc.Run, T.FaultReaction]:
     """Our arm waves in physics."""
     from wbc.sim.mujoco_ import MujocoPlant
 
-    observer = MomentumObserver(gain=100.0, threshold=0.3 if not noise else 6.0, persistence=2, release=0.5)
-    table = [When("external", [Comply(0.5)]), When("total", [Release()])]
-    table += [When("payload", [Carry(observer)])] if carries else []
-    reaction = FaultReaction(observer, table=table, start=0.1, hands=["tool"], noise=20.0 if noise else 0.0)
-    wave = Sinusoid(ARM.q0, amplitude=0.3, frequency=np.linspace(0.3, 0.6, ARM.nj))
+    observer = T.MomentumObserver(gain=100.0, threshold=0.3 if not noise else 6.0, persistence=2, release=0.5)
+    table = [T.When("external", [T.Comply(0.5)]), T.When("total", [T.Release()])]
+    table += [T.When("payload", [T.Carry(observer)])] if carries else []
+    reaction = T.FaultReaction(observer, table=table, start=0.1, hands=["tool"], noise=20.0 if noise else 0.0)
+    wave = T.Sinusoid(ARM.q0, amplitude=0.3, frequency=np.linspace(0.3, 0.6, ARM.nj))
     stack = wbc.Stack(
-        [Posture(wave, kp=100), reaction.limits], subject_to=[TorqueLimits(), JointPositionLimits()],
+        [T.Posture(wave, kp=100), reaction.limits], subject_to=[T.TorqueLimits(), T.JointPositionLimits()],
         components=[observer, reaction],
     )  # fmt: skip
     plant = MujocoPlant(ARM)
@@ -250,8 +239,8 @@ def test_a_standing_humanoid_knows_in_which_hand_the_load_is() -> None:
     from tasks.scenarios.humanoid_stand import STANCES
 
     hands = ["left_hand", "right_hand"]
-    observer = MomentumObserver(gain=100.0, threshold=0.3, persistence=2, release=0.5)
-    reaction = FaultReaction(observer, table=[When("payload", [Carry(observer)])], hands=hands)
+    observer = T.MomentumObserver(gain=100.0, threshold=0.3, persistence=2, release=0.5)
+    reaction = T.FaultReaction(observer, table=[T.When("payload", [T.Carry(observer)])], hands=hands)
     setup = standing(
         Stand("humanoid", STANCES["humanoid"], 0.3), [observer, reaction], [reaction.limits], duration=4.0,
         disturbances=[Payload("left_hand", mass=1.0, start=1.0)],

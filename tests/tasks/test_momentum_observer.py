@@ -15,18 +15,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import tasks as T
 import wbc
-from tasks import (
-    CenterOfMass,
-    MeasuredWrench,
-    MomentumObserver,
-    Orientation,
-    Posture,
-    Thresholds,
-    Torque,
-    TorqueLimits,
-    feet,
-)
 from tasks.components.diagnosis import Diagnoser, Diagnosis
 from tasks.scenarios.exact_plant import ExactPlant
 from wbc.errors import InvalidInput
@@ -60,10 +50,10 @@ def observed(
     robot: RobotModel, faults: Sequence[ActuatorFault] = (), *, tau: Any = None, q: Any = None, v: Any = None,
     duration: float = 0.4, dt: float = 1e-3, components: Sequence[wbc.Component] = (), observer: Any = None,
     wrench: Vec | None = None,
-) -> tuple[wbc.Run, MomentumObserver]:  # fmt: skip
+) -> tuple[wbc.Run, T.MomentumObserver]:  # fmt: skip
     """A run under constant torques, or held by its posture, with an observer beside."""
-    observer = observer or MomentumObserver(gain=K)
-    task = Posture(robot.q0 if q is None else q, kp=100) if tau is None else Torque(tau, weight=1e6)
+    observer = observer or T.MomentumObserver(gain=K)
+    task = T.Posture(robot.q0 if q is None else q, kp=100) if tau is None else T.Torque(tau, weight=1e6)
     stack = wbc.Stack([task], components=[*components, observer])
     controller = wbc.Controller(robot, stack, level=wbc.InverseDynamics(), dt=dt)
     push = None if wrench is None else (lambda t: wrench)
@@ -75,7 +65,7 @@ def observed(
 @pytest.mark.parametrize(("gain", "after"), [(K, 3.1606), (3.0, 1.2959)])
 def test_the_residual_of_a_total_fault_is_that_of_the_source(gain: float, after: float):
     """Property 63."""
-    run, _ = observed(PR, [ActuatorFault(joint="q1")], **MOVING, observer=MomentumObserver(gain=gain))
+    run, _ = observed(PR, [ActuatorFault(joint="q1")], **MOVING, observer=T.MomentumObserver(gain=gain))
     r = residual(run)
     np.testing.assert_allclose(r[:, 0], lag(run["t"], 5.0, gain), atol=1e-6)
     assert r[100, 0] == pytest.approx(after, abs=5e-5)
@@ -129,15 +119,15 @@ def test_a_wrench_looks_like_a_fault_of_the_other_sign_unless_it_is_measured():
     state.update(0.0, unknown["plant.q"][-1], unknown["plant.v"][-1])
     seen = -state.frame("end_effector").jacobian().T @ wrench
     assert np.abs(observer.residual - seen).max() < 0.15 * np.abs(seen).max()
-    sensor = MeasuredWrench("end_effector", wrench=wrench)
-    for components in ([sensor], [MeasuredWrench("base"), sensor]):
+    sensor = T.MeasuredWrench("end_effector", wrench=wrench)
+    for components in ([sensor], [T.MeasuredWrench("base"), sensor]):
         known, _ = observed(PR, wrench=wrench, components=components, duration=1.0)
         assert np.abs(residual(known)).max() < 2e-3
 
 
 def test_an_alarm_is_raised_when_the_lag_passes_the_threshold():
     run, observer = observed(
-        PR, [ActuatorFault(joint="q1")], **MOVING, observer=MomentumObserver(gain=K, threshold=[1.0, 0.5])
+        PR, [ActuatorFault(joint="q1")], **MOVING, observer=T.MomentumObserver(gain=K, threshold=[1.0, 0.5])
     )
     alarm = run["signal.MomentumObserver.alarm"]
     first = run["t"][np.argmax(alarm[:, 0] > 0)]
@@ -148,8 +138,8 @@ def test_an_alarm_is_raised_when_the_lag_passes_the_threshold():
 
 def test_it_starts_with_the_momentum_there_is_and_again_when_ticks_are_missing():
     """Property 64."""
-    observer = MomentumObserver(gain=K)
-    controller = wbc.Controller(PR, wbc.Stack([Torque([5.0, -2.0], weight=1e6)], components=[observer]),
+    observer = T.MomentumObserver(gain=K)
+    controller = wbc.Controller(PR, wbc.Stack([T.Torque([5.0, -2.0], weight=1e6)], components=[observer]),
                                 level=wbc.InverseDynamics())  # fmt: skip
 
     def ticked(t: float, q: float) -> float:
@@ -169,8 +159,8 @@ def test_it_starts_with_the_momentum_there_is_and_again_when_ticks_are_missing()
 def test_ticks_may_come_early_and_late(seed: int, late: float, jitter: float):
     """Property 58 in intervals of any lengths, as long as no tick is missing: the lag is one in time, not in ticks."""
     rng = np.random.default_rng(seed)
-    observer, plant, fault = MomentumObserver(gain=K), ExactPlant(PR), np.array([0.0, 0.5])
-    stack = wbc.Stack([Torque(rng.normal(size=2), weight=1e6)], components=[observer])
+    observer, plant, fault = T.MomentumObserver(gain=K), ExactPlant(PR), np.array([0.0, 0.5])
+    stack = wbc.Stack([T.Torque(rng.normal(size=2), weight=1e6)], components=[observer])
     controller = wbc.Controller(PR, stack, level=wbc.InverseDynamics())
     plant.reset(rng.normal(size=2), rng.normal(size=2))
     t = 0.0
@@ -185,10 +175,10 @@ def test_ticks_may_come_early_and_late(seed: int, late: float, jitter: float):
 
 def test_measured_wrenches_that_are_assigned_between_ticks_count_from_the_next_interval_on():
     """No tick is lost: where the force acts is known only from the tick on in which its frame appeared."""
-    hand, observer = PR.frame_names[-1], MomentumObserver(gain=K)
+    hand, observer = PR.frame_names[-1], T.MomentumObserver(gain=K)
     wrench = np.array([3.0, 2.0, 0.0, 0.0, 0.0, 0.0])
     plant = ExactPlant(PR, frame=hand, wrench=lambda t: wrench)
-    stack = wbc.Stack([Torque([1.0, -1.0], weight=1e6)], components=[observer])
+    stack = wbc.Stack([T.Torque([1.0, -1.0], weight=1e6)], components=[observer])
     controller = wbc.Controller(PR, stack, level=wbc.InverseDynamics())
     missing = []
     for k, measured in enumerate([None, None, *3 * [{hand: wrench}], *2 * [{"base": 0 * wrench, hand: wrench}]]):
@@ -207,8 +197,8 @@ def flying(
 ) -> wbc.Run:
     """The quadruped falls and tumbles freely while its joints hold their posture."""
     rng = np.random.default_rng(seed)
-    observer = MomentumObserver(gain=FLYING_K, **settings)
-    stack = wbc.Stack([Posture(QUADRUPED.q0)], components=[observer])
+    observer = T.MomentumObserver(gain=FLYING_K, **settings)
+    stack = wbc.Stack([T.Posture(QUADRUPED.q0)], components=[observer])
     plant = ForwardDynamicsPlant(QUADRUPED, dt=dt, substeps=4)
     plant.reset(QUADRUPED.q0, 0.5 * rng.standard_normal(QUADRUPED.nv))
     controller = wbc.Controller(QUADRUPED, stack, level=wbc.InverseDynamics(), dt=dt)
@@ -249,10 +239,10 @@ def test_noise_of_the_joints_velocities_has_the_predicted_size() -> None:
     run = flying([SensorNoise(velocity=0.01)], duration=0.6)
     state = QUADRUPED.state()
     state.update(0.0, run["q"][-1], run["v"][-1])
-    predicted = Thresholds.predicted(state, velocity=0.01, gain=FLYING_K, dt=1e-3)
+    predicted = T.Thresholds.predicted(state, velocity=0.01, gain=FLYING_K, dt=1e-3)
     seen = residual(run)[100:].std(axis=0)
     assert (seen < 1.5 * predicted.deviation).all() and (seen > 0.5 * predicted.deviation).all()
-    learnt = Thresholds.learnt(residual(run)[100:], gain=FLYING_K, dt=1e-3)
+    learnt = T.Thresholds.learnt(residual(run)[100:], gain=FLYING_K, dt=1e-3)
     np.testing.assert_allclose(learnt.noise, predicted.noise, rtol=0.5)
     assert (np.abs(residual(run)) < learnt.value).all()
 
@@ -269,8 +259,8 @@ def test_an_alarm_falls_below_the_release() -> None:
 @pytest.mark.parametrize("persistence", [1, 4])
 def test_a_joint_that_starts_anew_raises_its_alarm_as_at_first(persistence: int) -> None:
     i, again = QUADRUPED.joint(JOINT), 50
-    observer = MomentumObserver(gain=FLYING_K, threshold=0.1, persistence=persistence)
-    stack = wbc.Stack([Posture(QUADRUPED.q0)], components=[observer])
+    observer = T.MomentumObserver(gain=FLYING_K, threshold=0.1, persistence=persistence)
+    stack = wbc.Stack([T.Posture(QUADRUPED.q0)], components=[observer])
     plant = ForwardDynamicsPlant(QUADRUPED, substeps=4)
     plant.reset(QUADRUPED.q0)
     run = simulate(
@@ -302,7 +292,9 @@ def test_known_friction_is_no_fault() -> None:
 
 
 def test_contacts_have_to_be_measured() -> None:
-    stack = wbc.Stack([Posture(QUADRUPED.q0)], contacts=feet(QUADRUPED), components=[MomentumObserver(gain=FLYING_K)])
+    stack = wbc.Stack(
+        [T.Posture(QUADRUPED.q0)], contacts=T.feet(QUADRUPED), components=[T.MomentumObserver(gain=FLYING_K)]
+    )
     controller = wbc.Controller(QUADRUPED, stack, level=wbc.InverseDynamics())
     command = controller.tick(0.0, QUADRUPED.q0, np.zeros(QUADRUPED.nv))
     assert not command.status.ok and np.isfinite(command.tau).all()
@@ -314,15 +306,15 @@ def test_standing_in_physics_with_measured_feet_a_fault_is_seen_to_a_thousandth(
     pytest.importorskip("mujoco", reason="the extra `sim`")
     from wbc.sim.mujoco_ import MujocoPlant
 
-    contacts = feet(QUADRUPED, kp=0.0, kd=20.0)
+    contacts = T.feet(QUADRUPED, kp=0.0, kd=20.0)
     plant = MujocoPlant(QUADRUPED, contacts=contacts)
-    observer = MomentumObserver(gain=FLYING_K, wrenches=plant.wrenches)
+    observer = T.MomentumObserver(gain=FLYING_K, wrenches=plant.wrenches)
     state, base = QUADRUPED.state(), QUADRUPED.frame_names[0]
     tasks = [
-        CenterOfMass(target=state.com.copy()), Orientation(base, target=np.array(state.frame(base).rotation)),
-        Posture(QUADRUPED.q0, weight=1e-3),
+        T.CenterOfMass(target=state.com.copy()), T.Orientation(base, target=np.array(state.frame(base).rotation)),
+        T.Posture(QUADRUPED.q0, weight=1e-3),
     ]  # fmt: skip
-    stack = wbc.Stack(tasks, subject_to=[TorqueLimits()], contacts=contacts, components=[observer])
+    stack = wbc.Stack(tasks, subject_to=[T.TorqueLimits()], contacts=contacts, components=[observer])
     plant.reset(plant.settled(QUADRUPED.q0))
     fault = ActuatorFault(joint=JOINT, effectiveness=1.0, bias=4.0, start=0.1)
     controller = wbc.Controller(QUADRUPED, stack, level=wbc.InverseDynamics())
@@ -404,7 +396,7 @@ def test_thresholds_are_seven_standard_deviations_and_one_and_a_half_times_the_l
 ):
     noise = np.tile([[1.0], [-1.0]], (500, 1))  # of standard deviation 1 and mean 0 in every window
     residual = np.asarray(mean) + noise * deviation
-    learnt = Thresholds.learnt(residual, gain=100.0, dt=1e-3, floor=floor)
+    learnt = T.Thresholds.learnt(residual, gain=100.0, dt=1e-3, floor=floor)
     expected = np.maximum(7.0 * np.asarray(deviation) + 1.5 * np.abs(mean), floor)
     np.testing.assert_allclose(learnt.value, expected, rtol=1e-9)
 
@@ -412,15 +404,15 @@ def test_thresholds_are_seven_standard_deviations_and_one_and_a_half_times_the_l
 @pytest.mark.parametrize(("dt", "ticks"), [(1e-3, 200), (2e-3, 100), (0.2, 1), (1.0, 1)])
 def test_two_windows_of_a_fifth_of_a_second_or_of_a_tick_are_enough_for_thresholds(dt: float, ticks: int):
     residual = np.repeat([[1.0], [-3.0]], ticks, axis=0)
-    learnt = Thresholds.learnt(residual, gain=100.0, dt=dt)
+    learnt = T.Thresholds.learnt(residual, gain=100.0, dt=dt)
     assert learnt.deviation == 0.0 and learnt.value == pytest.approx(1.5 * 3.0)
     with pytest.raises(InvalidInput, match=f"at least two windows of {ticks}"):
-        Thresholds.learnt(residual[1:], gain=100.0, dt=dt)
+        T.Thresholds.learnt(residual[1:], gain=100.0, dt=dt)
 
 
 def test_predicted_thresholds_are_seven_of_the_deviations_that_noise_of_the_velocity_gives():
     state = wbc.load("arm").state()
-    predicted = Thresholds.predicted(state, velocity=0.01, gain=100.0, dt=1e-3)
+    predicted = T.Thresholds.predicted(state, velocity=0.01, gain=100.0, dt=1e-3)
     momentum = state.M @ (0.01 * np.random.default_rng(0).normal(size=(7, 20_000)))
     missing = np.diff(momentum) / 1e-3
     share, filtered, values = -np.expm1(-0.1), np.zeros(7), []

@@ -9,22 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import tasks as T
 import wbc
-from tasks import (
-    CenterOfMass,
-    Damping,
-    GravityCompensation,
-    JointImpedance,
-    JointVelocity,
-    MeasuredWrench,
-    Orientation,
-    Position,
-    Posture,
-    Sinusoid,
-    Torque,
-    TorqueLimits,
-    feet,
-)
 from tasks.scenarios.exact_plant import ExactPlant
 from tests.stack.conftest import moving
 from wbc.methods import WeightedTorque
@@ -48,15 +34,15 @@ def controller(*tasks: Any, **more: Any) -> wbc.Controller:
 
 @given(states(ARM))
 def test_an_arm_that_carries_its_own_weight_goes_on_as_it_would_without_gravity(state: RobotState):
-    command = controller(GravityCompensation()).tick(0.0, state.q, state.v)
+    command = controller(T.GravityCompensation()).tick(0.0, state.q, state.v)
     np.testing.assert_allclose(command.tau, state.g, atol=1e-5 * (1.0 + np.abs(state.g).max()))
 
 
 @pytest.mark.parametrize("coriolis", [False, True])
 @given(states(ARM))
 def test_torques_are_those_of_springs_and_dampers_and_of_the_weight(coriolis: bool, state: RobotState):
-    wave = Sinusoid(ARM.q0, amplitude=0.2, frequency=0.5)
-    command = controller(JointImpedance(wave, stiffness=K, damping=D, coriolis=coriolis)).tick(0.3, state.q, state.v)
+    wave = T.Sinusoid(ARM.q0, amplitude=0.2, frequency=0.5)
+    command = controller(T.JointImpedance(wave, stiffness=K, damping=D, coriolis=coriolis)).tick(0.3, state.q, state.v)
     target, rate, _ = wave(0.3)
     wanted = (state.h if coriolis else state.g) + K * (target - state.q) + D * (rate - state.v)
     np.testing.assert_allclose(command.tau, wanted, atol=1e-5 * (1.0 + np.abs(wanted).max()))
@@ -64,7 +50,7 @@ def test_torques_are_those_of_springs_and_dampers_and_of_the_weight(coriolis: bo
 
 def test_the_energy_of_springs_and_links_only_falls_and_the_arm_comes_to_its_target():
     target = ARM.q0 + 0.3
-    ticking = controller(JointImpedance(target, stiffness=K, damping=D))
+    ticking = controller(T.JointImpedance(target, stiffness=K, damping=D))
     plant = ForwardDynamicsPlant(ARM, dt=1e-3)
     state, energies = ARM.state(), []
     for _ in range(3000):
@@ -77,7 +63,7 @@ def test_the_energy_of_springs_and_links_only_falls_and_the_arm_comes_to_its_tar
 
 
 def test_a_guided_arm_comes_to_rest_by_damping_without_being_pulled_back():
-    ticking = controller(GravityCompensation(), Damping(kd=5.0, weight=1e3))
+    ticking = controller(T.GravityCompensation(), T.Damping(kd=5.0, weight=1e3))
     plant = ForwardDynamicsPlant(ARM, dt=1e-3)
     plant.reset(ARM.q0, np.full(7, 0.3))
     for _ in range(2000):
@@ -91,13 +77,13 @@ def test_arms_of_a_humanoid_are_springs_while_it_stands():
     ]
     others = {name: 0.0 for name in arms}
     target = HUMANOID.q0[-HUMANOID.nj :] + 0.1
-    spring = JointImpedance(target, joints=["left_(shoulder|elbow).*"], stiffness=30.0, damping=2.0, weight=10.0)
+    spring = T.JointImpedance(target, joints=["left_(shoulder|elbow).*"], stiffness=30.0, damping=2.0, weight=10.0)
     balance = [
-        CenterOfMass(target=HUMANOID.state().com, weight=10.0),
-        Orientation(HUMANOID.frame_names[0], target=np.eye(3)),
+        T.CenterOfMass(target=HUMANOID.state().com, weight=10.0),
+        T.Orientation(HUMANOID.frame_names[0], target=np.eye(3)),
     ]
-    rest = Posture(HUMANOID.q0, weight={".*": 1e-1} | others)
-    stack = wbc.Stack([*balance, spring, rest], contacts=feet(HUMANOID))
+    rest = T.Posture(HUMANOID.q0, weight={".*": 1e-1} | others)
+    stack = wbc.Stack([*balance, spring, rest], contacts=T.feet(HUMANOID))
     command = wbc.Controller(HUMANOID, stack, level=LEVEL).tick(0.0, HUMANOID.q0, np.zeros(HUMANOID.nv))
     index = [HUMANOID.joint(name) for name in arms]
     assert command.status.ok and arms
@@ -106,7 +92,7 @@ def test_arms_of_a_humanoid_are_springs_while_it_stands():
 
 
 def test_stiffness_may_be_assigned_between_ticks_by_name_too():
-    task = JointImpedance(ARM.q0 + 0.1, stiffness=K, damping=D)
+    task = T.JointImpedance(ARM.q0 + 0.1, stiffness=K, damping=D)
     ticking = controller(task)
     before = ticking.tick(0.0, ARM.q0, np.zeros(7)).tau
     task.stiffness = {".*": 50.0, "elbow": 5.0}
@@ -121,7 +107,9 @@ WRENCH = np.array([3.0, -2.0, 5.0, 0.4, 0.1, -0.3])
 
 def ticked(*components: wbc.Component) -> tuple[Any, Any]:
     """The command of a stack with these components, and the state it was decided in."""
-    stack = wbc.Stack([Position("tool", target=[0.5, 0.2, 0.4]), Posture(ARM.q0, weight=1e-2)], components=components)
+    stack = wbc.Stack(
+        [T.Position("tool", target=[0.5, 0.2, 0.4]), T.Posture(ARM.q0, weight=1e-2)], components=components
+    )
     controller = wbc.Controller(ARM, stack, level=wbc.InverseDynamics())
     q, v = moving(ARM, 3)
     command = controller.tick(0.0, q, v)
@@ -132,23 +120,23 @@ def ticked(*components: wbc.Component) -> tuple[Any, Any]:
 def test_the_motion_stays_and_the_torque_is_less_by_what_the_wrench_does():
     """Property 51."""
     without, state = ticked()
-    with_wrench, _ = ticked(MeasuredWrench("tool", wrench=WRENCH))
+    with_wrench, _ = ticked(T.MeasuredWrench("tool", wrench=WRENCH))
     spared: Vec = state.frame("tool").jacobian().T @ WRENCH
     np.testing.assert_allclose(with_wrench.a, without.a, atol=1e-8)
     np.testing.assert_allclose(with_wrench.tau, without.tau - spared, atol=1e-7)
 
 
 def test_a_force_is_a_wrench_without_moment_and_wrenches_add_up():
-    force, _ = ticked(MeasuredWrench("tool", wrench=WRENCH[:3]))
-    same, _ = ticked(MeasuredWrench("tool", wrench=lambda t: np.r_[WRENCH[:3], 0, 0, 0]))
-    halves, _ = ticked(*(MeasuredWrench("tool", wrench=0.5 * WRENCH[:3], name=name) for name in ("one", "other")))
+    force, _ = ticked(T.MeasuredWrench("tool", wrench=WRENCH[:3]))
+    same, _ = ticked(T.MeasuredWrench("tool", wrench=lambda t: np.r_[WRENCH[:3], 0, 0, 0]))
+    halves, _ = ticked(*(T.MeasuredWrench("tool", wrench=0.5 * WRENCH[:3], name=name) for name in ("one", "other")))
     np.testing.assert_allclose(force.tau, same.tau, atol=1e-12)
     np.testing.assert_allclose(force.tau, halves.tau, atol=1e-9)
 
 
 def test_it_acts_in_each_tick_once_and_follows_what_is_assigned():
-    sensor = MeasuredWrench("tool")
-    stack = wbc.Stack([Posture(ARM.q0)], components=[sensor])
+    sensor = T.MeasuredWrench("tool")
+    stack = wbc.Stack([T.Posture(ARM.q0)], components=[sensor])
     controller = wbc.Controller(ARM, stack, level=wbc.InverseDynamics())
     q, v = moving(ARM, 3)
     free = controller.tick(0.0, q, v).tau
@@ -180,10 +168,10 @@ def test_it_is_the_closed_form_with_feedback_gravity_and_a_measured_force(case: 
     q, v = robot.q0 + 0.2 * rng.normal(size=robot.nq), 0.5 * rng.normal(size=robot.nv)
     target, rate, second = 0.5 * rng.normal(size=(3, len(axes)))
     tau_0, wrench = rng.normal(size=robot.nj), rng.normal(size=6)
-    task = Position(frame, axes=axes, target=lambda t: (target, rate, second), kp=60.0, kd=13.0)
+    task = T.Position(frame, axes=axes, target=lambda t: (target, rate, second), kp=60.0, kd=13.0)
     stack = wbc.Stack(
-        [Torque(tau_0, weight="inverse_inertia")],
-        subject_to=[task.exactly()], components=[MeasuredWrench(frame, wrench=wrench)],
+        [T.Torque(tau_0, weight="inverse_inertia")],
+        subject_to=[task.exactly()], components=[T.MeasuredWrench(frame, wrench=wrench)],
     )  # fmt: skip
     controller = wbc.Controller(robot, stack, level=EXACT)
     command, state = controller.tick(0.0, q, v), controller.state
@@ -202,8 +190,8 @@ def test_it_is_the_closed_form_with_feedback_gravity_and_a_measured_force(case: 
 def test_an_error_vanishes_at_the_rate_its_gains_give():
     """Property 52: ë + kd ė + kp e = 0, critically damped with kp = 100, kd = 20."""
     offset = 0.05
-    task = Position("end_effector", axes="x", target=[offset], kp=100.0)
-    stack = wbc.Stack([Torque(weight="inverse_inertia")], subject_to=[task.exactly(name="x")])
+    task = T.Position("end_effector", axes="x", target=[offset], kp=100.0)
+    stack = wbc.Stack([T.Torque(weight="inverse_inertia")], subject_to=[task.exactly(name="x")])
     plant = ExactPlant(PR, dt=5e-4)
     plant.reset([0.0, np.pi / 2])
     run = simulate(wbc.Controller(PR, stack, level=EXACT, dt=5e-4), plant, duration=0.6)
@@ -214,11 +202,11 @@ def test_an_error_vanishes_at_the_rate_its_gains_give():
 def test_limits_that_are_active_hold_and_the_task_with_them():
     """Property 53."""
     q, v = np.array([0.0, 0.7]), np.array([0.2, -1.0])
-    task = Position("end_effector", axes="x", target=[0.5], kp=100.0)
-    stack = [Torque([3.0, 2.0], weight="inverse_inertia")]
+    task = T.Position("end_effector", axes="x", target=[0.5], kp=100.0)
+    stack = [T.Torque([3.0, 2.0], weight="inverse_inertia")]
     free = wbc.Controller(PR, wbc.Stack(stack, subject_to=[task.exactly()]), level=EXACT).tick(0.0, q, v)
     bound = 0.9 * np.abs(free.tau)
-    limits = TorqueLimits([1e3, bound[1]])
+    limits = T.TorqueLimits([1e3, bound[1]])
     cut = wbc.Controller(PR, wbc.Stack(stack, subject_to=[task.exactly(), limits]), level=EXACT).tick(0.0, q, v)
     assert cut.status.ok and abs(cut.tau[1]) == pytest.approx(bound[1], abs=1e-8)
     state = PR.state()
@@ -242,8 +230,8 @@ def test_on_a_floating_base_it_is_gauss_principle_too():
     foot, tau_0 = next(iter(robot.feet)), rng.normal(size=robot.nj)
     state = robot.state()
     state.update(0.0, q, v)
-    task = Position(foot, target=state.frame(foot).position + np.array([0.02, 0.0, 0.05]), kp=100.0)
-    stack = wbc.Stack([Torque(tau_0, weight="inverse_inertia")], subject_to=[task.exactly()])
+    task = T.Position(foot, target=state.frame(foot).position + np.array([0.02, 0.0, 0.05]), kp=100.0)
+    stack = wbc.Stack([T.Torque(tau_0, weight="inverse_inertia")], subject_to=[task.exactly()])
     command = wbc.Controller(robot, stack, level=EXACT).tick(0.0, q, v)
     assert command.status.ok
     # Rows of the torque that the task leaves free: along them the cost must not fall.
@@ -254,5 +242,5 @@ def test_on_a_floating_base_it_is_gauss_principle_too():
     for direction in np.vstack([free, -free]):
         assert free_energy(robot, state, command.tau + 0.1 * direction, tau_0) > best
     # Without a task nothing is better than what was asked for.
-    alone = wbc.Stack([Torque(tau_0, weight="inverse_inertia"), JointVelocity(np.zeros(12), weight=0.0)])
+    alone = wbc.Stack([T.Torque(tau_0, weight="inverse_inertia"), T.JointVelocity(np.zeros(12), weight=0.0)])
     np.testing.assert_allclose(wbc.Controller(robot, alone, level=EXACT).tick(0.0, q, v).tau, tau_0, atol=1e-6)
