@@ -143,9 +143,13 @@ def test_a_stop_ends_after_as_many_answers_in_a_row_as_were_asked_for_and_none_b
 
 
 @pytest.mark.parametrize("level", LEVELS, ids=named)
-def test_relaxed_constraints_are_declared(level: Any):
+@pytest.mark.parametrize("torques_alone", [False, True])
+def test_relaxed_constraints_are_declared(level: Any, torques_alone: bool):
+    """Limits on torques alone bound what is commanded, too."""
     up = T.Position("tool", target=[0.5, 0.2, 5.0], kp=1e4, name="up").exactly()
     stack = limited(ARM, level, extra=(up,))
+    if torques_alone and level.dynamics:
+        stack = wbc.Stack([T.Posture(ARM.q0)], subject_to=[up, T.TorqueLimits(1.0)])
     for relax, expected in ((("constraints",), "relaxed"), (("contacts",), "closed form"), ((), "closed form")):
         control = wbc.Controller(ARM, stack, level=level, recovery=wbc.Recovery(relax=relax))
         command = control.tick(0.0, ARM.q0, STILL)

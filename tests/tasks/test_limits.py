@@ -76,17 +76,6 @@ def test_a_limit_of_the_model_that_makes_no_sense_is_refused_and_can_be_overrule
     assert constraint(**own).bounds(robot)[1][0] == 3.0
 
 
-def test_all_joints_whose_limits_make_no_sense_are_named_at_once():
-    names = ARM.joint_names[1:4]
-    bad = np.isin(ARM.joint_names, names)
-    slow = ARM.replace(limits=replace(ARM.limits, v_max=np.where(bad, 0.0, 1.0), q_max=np.where(bad, -9.0, 3.0)))
-    for constraint in (T.JointVelocityLimits(), T.JointPositionLimits()):
-        with pytest.raises(InvalidInput) as refusal:
-            constraint.prepare(slow)
-        assert all(f"joint {name!r}" in str(refusal.value) for name in names)
-    T.JointVelocityLimits(dict.fromkeys(names, 1.0)).prepare(slow)
-
-
 @pytest.mark.parametrize("wrong", range(1, 8))
 def test_a_limit_that_many_joints_get_wrong_names_three_of_them(wrong: int):
     values = np.where(np.arange(7) < wrong, -2.0, 1.0)

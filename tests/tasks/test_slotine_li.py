@@ -19,7 +19,7 @@ from tasks.components.prediction import Prediction
 from tasks.scenarios.exact_plant import ExactPlant
 from tests.models.test_inertial_regressor import chain
 from wbc.methods import PseudoInertia
-from wbc.models import Planar4P, PlanarPR
+from wbc.models import Planar4P
 from wbc.models.inertial_regressor import InertialRegressor
 from wbc.models.planar import PlanarRobot
 from wbc.sim.plant import ForwardDynamicsPlant
@@ -156,22 +156,6 @@ def test_who_knows_everything_learns_nothing():
     run = adapted(ALL, a_hat=TRUE.coefficients, q=q, v=v, duration=1.0, dt=1e-3)
     np.testing.assert_allclose(signal(run, "a_hat"), np.tile(TRUE.coefficients, (run.rows, 1)), atol=1e-2)
     assert np.abs(signal(run, "s")).max() < 1e-2
-
-
-def test_without_adaptation_it_is_feedforward_and_PD():
-    """Property 41."""
-    run = adapted([0.3, 0.2, -0.1, 0.1], gain=1e-12, a_hat=[5.0, 3.0, 2.0, 0.5], duration=1.0)
-    np.testing.assert_allclose(signal(run, "a_hat")[-1], [5.0, 3.0, 2.0, 0.5], atol=1e-9)
-
-
-def test_a_robot_with_coriolis_forces_is_tracked_too():
-    true = PlanarPR(m1=1, m2=1, l2=0.5, d2=0.25, I2=0.1)
-    model = PlanarPR(m1=2, m2=3, l2=0.5, d2=0.1, I2=0.4)
-    wave = Wave([0.3, 1.0], [2.0, 1.5])
-    run = adapted(wave, model=model, true=true, duration=10.0, kp=[60.0, 20.0], kd=[30.0, 6.0], gain=10.0)
-    assert np.abs(errors(run, wave)[-500:]).max() < 1e-2
-    V = signal(run, "V")
-    assert np.diff(V).max() <= 2e-3 * V[0]
 
 
 def test_the_gain_may_be_a_matrix_and_a_reset_forgets():
