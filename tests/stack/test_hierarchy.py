@@ -128,6 +128,16 @@ def test_what_levels_leave_free_has_the_least_cost_of_motion_torques_and_forces(
     np.testing.assert_allclose(command.solution.x, least, atol=1e-8)
 
 
+def test_constraints_that_contradict_each_other_are_infeasible_and_braked() -> None:
+    constraints = [T.Position("tool", target=np.zeros(3)).exactly(name=name) for name in ("here", "there")]
+    constraints[1].task.target = np.ones(3)
+    stack = wbc.Stack([[T.Position(ARM.frame_names[-3], target=np.ones(3))],
+                       [T.Posture(ARM.q0)]], subject_to=[*constraints, T.JointVelocityLimits()])  # fmt: skip
+    command, _ = tick(ARM, stack, hierarchy=wbc.Strict())
+    assert command.status is wbc.Status.INFEASIBLE
+    assert np.isfinite(command.v).all()
+
+
 # ---- scaled
 @given(seed=SEEDS)
 def test_scaled_tasks_are_saturation_in_the_null_space_level_by_level(seed: int) -> None:

@@ -12,7 +12,7 @@ import tasks as T
 import wbc
 from tests.stack.conftest import moving, standing
 from wbc.models.pinocchio_ import PinocchioModel
-from wbc.stack.constraint import Barrier, BarrierRows, ConstraintRows, LinearConstraint
+from wbc.stack.constraint import ConstraintRows, LinearConstraint
 from wbc.stack.task import Task, TaskRows
 
 SEEDS = range(4)
@@ -80,22 +80,6 @@ def test_a_posture_as_a_constraint_holds_every_joint(arm: PinocchioModel) -> Non
     stack = wbc.Stack([T.Position("tool", target=[0.9, 0.9, 0.9])], subject_to=[hold.exactly()])
     command = controller(arm, stack, level=wbc.AccelerationLevel()).tick(0.0, q, v)
     np.testing.assert_allclose(command.a, 4.0 * (arm.q0 - q) - 4.0 * v, atol=1e-7)
-
-
-class Ceiling(Barrier):
-    """The tool stays below a height [m]."""
-
-    dim, units = 1, "m"
-
-    def __init__(self, height: float) -> None:
-        super().__init__(rate=20.0)
-        self.height = height
-
-    def fill(self, state: Any, out: BarrierRows) -> None:
-        tool = state.frame("tool")
-        out.h[:] = self.height - tool.position[2]
-        out.J[:] = -tool.jacobian()[2]
-        out.drift[:] = -tool.drift()[2]
 
 
 class SharedLoad(LinearConstraint):
