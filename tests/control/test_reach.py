@@ -49,7 +49,7 @@ def test_a_base_that_slides_goes_as_far_as_it_has_to(place: tuple[float, float],
         ends = np.where(np.arange(robot.nj) < 2, 600.0, np.inf)
         limits = (np.maximum(robot.limits.q_min, -ends), np.minimum(robot.limits.q_max, ends))
         robot = robot.replace(limits=replace(robot.limits, q_min=limits[0], q_max=limits[1]))
-    found = wbc.reach(robot, [Position("tool", target=[*place, 0.5])], attempts=1)
+    found = wbc.reach(robot, [T.Position("tool", target=[*place, 0.5])], attempts=1)
     assert found.ok and found.steps <= 20, found
     assert np.abs(pose(robot, "tool", found.q)[:2, 3] - place).max() <= 2e-5
 
