@@ -46,6 +46,48 @@ def two_goals(seed: int, *, heavy: float = 1.0, levels: int = 3) -> wbc.Stack:
 
 
 # ---- strict
+@given(seed=SEEDS)
+def test_strict_priority_is_the_limit_of_weights_as_their_ratio_grows(seed: int) -> None:
+    """Property 24. What has one weight among the others in the limit has one level in the hierarchy."""
+    command, controller = tick(ARM, two_goals(seed, levels=2), hierarchy=wbc.Strict())
+    best = np.linalg.norm(residual(controller, "Position[tool]"))
+    errors, distances = [], []
+    for ratio in (1e0, 1e2, 1e4, 1e6):
+        weighted, other = tick(ARM, two_goals(seed, heavy=ratio))
+        errors.append(np.linalg.norm(residual(other, "Position[tool]")))
+        distances.append(np.abs(weighted.v - command.v).max())
+    assert command.status.ok
+    assert (np.diff(errors) <= 1e-7).all(), "a heavier task is never done worse"
+    assert best <= errors[-1] + 1e-6
+    assert errors[-1] - best <= 1e-3 * (errors[0] - best) + 1e-5
+    assert distances[-1] <= 1e-2 * distances[0] + 1e-3
+
+
+@given(seed=SEEDS)
+def test_a_stack_is_the_hierarchy_of_its_rows(seed: int) -> None:
+    stack = two_goals(seed)
+    command, controller = tick(ARM, stack, hierarchy=wbc.Strict())
+    problem = controller.plan.problem
+    levels = []
+    for tasks in problem.levels[:-1]:
+        A = np.concatenate([problem.G[task.rows, : problem.n] for task in tasks])
+        b = np.concatenate([task.wanted for task in tasks])
+        levels.append((A, b, b))
+    posture = problem.levels[-1][0].wanted
+    levels.append((np.eye(ARM.nj), posture, posture))
+    exact = wbc.lexicographic(levels, lb=problem.lb, ub=problem.ub).x
+    for A, b, _ in levels[:-1]:
+        assert abs(np.linalg.norm(A @ command.v - b) - np.linalg.norm(A @ exact - b)) < 1e-5
+    np.testing.assert_allclose(command.v, exact, atol=1e-3)
+
+
+@pytest.mark.parametrize("solver", ["daqp", "proxqp", "clarabel"])
+@pytest.mark.parametrize("seed", range(4))
+def test_any_solver_gives_the_same_answer_level_by_level(solver: str, seed: int) -> None:
+    mine, _ = tick(ARM, two_goals(seed), hierarchy=wbc.Strict())
+    other, controller = tick(ARM, two_goals(seed), hierarchy=wbc.Strict(), solver=solver)
+    assert other.status.ok and controller.form == "levels"
+    np.testing.assert_allclose(other.v, mine.v, atol=2e-3)
 
 
 def standing(reach: float, *, hand: bool = True) -> wbc.Stack:
@@ -107,6 +149,33 @@ def test_a_budget_that_ends_early_leaves_the_lower_levels_where_they_are() -> No
     np.testing.assert_allclose(exit_.v, weighted.v, rtol=0.0, atol=1e-12)
 
 
+def test_constraints_that_contradict_each_other_are_infeasible_and_braked() -> None:
+    constraints = [T.Position("tool", target=np.zeros(3)).exactly(name=name) for name in ("here", "there")]
+    constraints[1].task.target = np.ones(3)
+    stack = wbc.Stack([[T.Position(ARM.frame_names[-3], target=np.ones(3))],
+                       [T.Posture(ARM.q0)]], subject_to=[*constraints, T.JointVelocityLimits()])  # fmt: skip
+    command, _ = tick(ARM, stack, hierarchy=wbc.Strict())
+    assert command.status is wbc.Status.INFEASIBLE
+    assert np.isfinite(command.v).all()
+
+
+def test_a_posture_above_a_task_is_what_counts() -> None:
+    goal = T.Position("tool", target=np.ones(3))
+    stack = wbc.Stack([[T.Posture(ARM.q0, rate=2.0)], [goal]])
+    command, controller = tick(ARM, stack, hierarchy=wbc.Strict())
+    q, _ = moving(ARM, 3)
+    np.testing.assert_allclose(command.v, 2.0 * (ARM.q0 - q), atol=1e-6)
+    assert [outcome.how for outcome in command.levels] == ["met", "optimal"]
+    assert "Posture: met" in controller.explain()
+
+
+def test_a_task_on_torques_can_rank_above_one_on_motion() -> None:
+    tau = np.zeros(ARM.nj)
+    stack = wbc.Stack([[T.Torque(tau)], [T.Posture(ARM.q0)]])
+    command, _ = tick(ARM, stack, hierarchy=wbc.Strict(), level=wbc.InverseDynamics())
+    np.testing.assert_allclose(command.tau, tau, atol=1e-5)
+
+
 @pytest.mark.parametrize("regularisation", [1e-3, 1e-1])
 @pytest.mark.parametrize("name", ["quadruped", "humanoid"])
 def test_what_levels_leave_free_has_the_least_cost_of_motion_torques_and_forces(
@@ -128,14 +197,19 @@ def test_what_levels_leave_free_has_the_least_cost_of_motion_torques_and_forces(
     np.testing.assert_allclose(command.solution.x, least, atol=1e-8)
 
 
-def test_constraints_that_contradict_each_other_are_infeasible_and_braked() -> None:
-    constraints = [T.Position("tool", target=np.zeros(3)).exactly(name=name) for name in ("here", "there")]
-    constraints[1].task.target = np.ones(3)
-    stack = wbc.Stack([[T.Position(ARM.frame_names[-3], target=np.ones(3))],
-                       [T.Posture(ARM.q0)]], subject_to=[*constraints, T.JointVelocityLimits()])  # fmt: skip
-    command, _ = tick(ARM, stack, hierarchy=wbc.Strict())
-    assert command.status is wbc.Status.INFEASIBLE
-    assert np.isfinite(command.v).all()
+def test_a_soft_constraint_is_an_inequality_at_its_level() -> None:
+    goal = T.Position("tool", target=np.array([2.0, 0.0, 0.0]), rate=5.0)
+    slow = T.JointVelocityLimits(0.1).softly()
+    above, _ = tick(ARM, wbc.Stack([[slow], [goal], [T.Posture(ARM.q0, weight=1e-4)]]), hierarchy=wbc.Strict())
+    below, controller = tick(ARM, wbc.Stack([[goal], [slow], [T.Posture(ARM.q0, weight=1e-4)]]), hierarchy=wbc.Strict())
+    hard, _ = tick(
+        ARM, wbc.Stack([[goal], [T.Posture(ARM.q0, weight=1e-4)]], subject_to=[T.JointVelocityLimits(0.1)]),
+        hierarchy=wbc.Strict(),
+    )  # fmt: skip
+    assert np.abs(above.v).max() <= 0.1 + 1e-6
+    np.testing.assert_allclose(above.v, hard.v, atol=1e-4)
+    assert np.linalg.norm(residual(controller, "Position[tool]")) < 1e-5
+    assert np.abs(below.v).max() > 0.1
 
 
 # ---- scaled
@@ -158,6 +232,34 @@ def test_scaled_tasks_are_saturation_in_the_null_space_level_by_level(seed: int)
         np.testing.assert_allclose(J @ command.v, known.scales[1] * wanted, atol=1e-3 * np.linalg.norm(wanted))
 
 
+@given(seed=SEEDS)
+def test_what_a_scaled_task_gives_up_costs_its_weight_and_nothing_more(seed: int) -> None:
+    """min ½ w (1 − s)² ‖t‖² + ½ ω ‖v − p‖²  subject to  J v = s t, 0 ≤ s ≤ 1, by the conditions of optimality alone."""
+    rng = np.random.default_rng(seed)
+    heavy, light = 10.0 ** rng.uniform(-2.0, 2.0, 2)
+    goal = T.Position("tool", target=rng.normal(size=3), weight=heavy).scaled()
+    command, controller = tick(ARM, wbc.Stack([goal, T.Posture(rng.normal(size=ARM.nj), weight=light)]))
+    problem, n = controller.plan.problem, ARM.nv
+    (reach, posture) = problem.levels[0]
+    J, t, p = problem.G[reach.rows, :n], reach.wanted, posture.wanted
+    found = np.zeros(n + 1)
+    for fixed in (None, 0.0, 1.0):  # the cost is convex in s: where its least is outside, the nearer end is
+        held = np.zeros((0 if fixed is None else 1, n + 1))
+        held[:, n] = 1.0
+        rows, sides = np.vstack([np.column_stack([J, -t]), held]), np.append(np.zeros(3), [fixed] * len(held))
+        H = np.diag(np.append(np.full(n, light), heavy * t @ t))
+        g = -np.append(light * p, heavy * t @ t)
+        system = np.block([[H, rows.T], [rows, np.zeros((len(rows), len(rows)))]])
+        end = np.linalg.solve(system, np.append(-g, sides.astype(float)))[: n + 1]
+        if fixed is None:
+            found, wanted = end, float(np.clip(end[n], 0.0, 1.0))
+        elif found[n] != wanted and fixed == wanted:
+            found = end
+    assert command.status.ok
+    np.testing.assert_allclose(command.v, found[:n], atol=1e-5 * (1.0 + np.abs(found[:n]).max()))
+    assert {"Posture", "share of Position[tool]"} <= {*command.certificate.bounds}
+
+
 @pytest.mark.parametrize("hierarchy", [wbc.Weighted(), wbc.Strict(), wbc.Scaled()], ids=str)
 @pytest.mark.parametrize("level", [SPEED, wbc.AccelerationLevel(), wbc.InverseDynamics()], ids=lambda level: level.name)
 def test_a_scaled_task_keeps_its_direction_at_every_level_under_every_hierarchy(hierarchy, level) -> None:
@@ -173,6 +275,13 @@ def test_a_scaled_task_keeps_its_direction_at_every_level_under_every_hierarchy(
     assert -1e-9 < share < 0.9
     np.testing.assert_allclose(got, share * asked, atol=1e-5 * np.linalg.norm(asked))
     assert "scaled" in repr(stack)
+
+
+def test_within_reach_the_three_hierarchies_do_the_same_task() -> None:
+    stack = wbc.Stack([[T.Position("tool", target=[0.5, 0.1, 0.4], rate=0.1)], [T.Posture(ARM.q0, weight=1e-6)]])
+    for hierarchy in (wbc.Weighted(), wbc.Strict(), wbc.Scaled()):
+        _, controller = tick(ARM, stack, hierarchy=hierarchy)
+        assert np.linalg.norm(residual(controller, "Position[tool]")) < 1e-3
 
 
 @pytest.mark.parametrize("level", [wbc.VelocityLevel(lm_damping=0.0), wbc.InverseDynamics(lm_damping=0.0)])

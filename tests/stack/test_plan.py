@@ -10,9 +10,9 @@ import pytest
 
 import tasks as T
 import wbc
-from tests.stack.conftest import moving, standing
+from tests.stack.conftest import feet, moving, standing
 from wbc.models.pinocchio_ import PinocchioModel
-from wbc.stack.constraint import ConstraintRows, LinearConstraint
+from wbc.stack.constraint import Barrier, BarrierRows, ConstraintRows, LinearConstraint
 from wbc.stack.task import Task, TaskRows
 
 SEEDS = range(4)
@@ -43,6 +43,22 @@ def test_the_answer_obeys_newton_and_holds_its_contacts(humanoid: PinocchioModel
 
 
 @pytest.mark.parametrize("seed", SEEDS)
+def test_an_arm_gets_the_least_squares_of_its_tasks(arm: PinocchioModel, seed: int) -> None:
+    q, v = moving(arm, seed)
+    goal = np.array([0.5, 0.1, 0.4])
+    stack = wbc.Stack([T.Position("tool", target=goal, kp=50, kd=9, weight=3.0), T.Posture(arm.q0, kp=10, weight=0.2)])
+    command = controller(arm, stack, level=wbc.AccelerationLevel()).tick(0.0, q, v)
+    state = arm.state()
+    state.update(0.0, q, v)
+    tool = state.frame("tool")
+    J = tool.jacobian()[:3]
+    wanted = 50 * (goal - tool.position) - 9 * (J @ v) - tool.drift()[:3]
+    posture = 10 * (arm.q0 - q) - 2 * np.sqrt(10) * v
+    H = 3.0 * J.T @ J + (0.2 + 1e-8) * np.eye(arm.nv)
+    np.testing.assert_allclose(command.a, np.linalg.solve(H, 3.0 * J.T @ wanted + 0.2 * posture), rtol=1e-7)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("name", ["arm", "quadruped", "humanoid"])
 def test_every_answer_is_certified_against_the_standard_form(name: str, seed: int) -> None:
     robot = wbc.load(name)
@@ -57,6 +73,32 @@ def test_every_answer_is_certified_against_the_standard_form(name: str, seed: in
     command = controller(robot, stack).tick(0.0, q, v)
     assert command.solution.certificate.residual <= 1e-7, command.solution.certificate
     assert command.certificate.within(1e-8)
+
+
+@pytest.mark.parametrize("solver", ["daqp", "proxqp", "clarabel", "osqp"])
+def test_any_solver_gives_the_same_command(quadruped: PinocchioModel, solver: str) -> None:
+    q, v = moving(quadruped, 2)
+    ours = controller(quadruped, standing(quadruped)).tick(0.0, q, v)
+    if wbc.qp.solvers.by_name(solver).offline:
+        pytest.skip(f"{solver} is for offline use")
+    other = controller(quadruped, standing(quadruped), solver=solver).tick(0.0, q, v)
+    assert other.status.ok
+    np.testing.assert_allclose(other.tau, ours.tau, atol=2e-3)
+
+
+def test_torque_limits_bind_and_are_kept(quadruped: PinocchioModel) -> None:
+    state = quadruped.state()
+    stack = wbc.Stack(
+        [T.CenterOfMass(target=state.com + np.array([0.0, 0.0, 0.3]), kp=400), T.Posture(quadruped.q0, weight=1e-3)],
+        contacts=feet(quadruped),
+        subject_to=[T.TorqueLimits(12.0)],
+    )
+    control = controller(quadruped, stack)
+    command = control.tick(0.0, quadruped.q0, np.zeros(quadruped.nv))
+    assert command.status.ok
+    assert np.abs(command.tau).max() == pytest.approx(12.0, abs=1e-8)
+    assert control.active_count > 0
+    assert "TorqueLimits" in control.explain()
 
 
 # ---- constraints
@@ -80,6 +122,38 @@ def test_a_posture_as_a_constraint_holds_every_joint(arm: PinocchioModel) -> Non
     stack = wbc.Stack([T.Position("tool", target=[0.9, 0.9, 0.9])], subject_to=[hold.exactly()])
     command = controller(arm, stack, level=wbc.AccelerationLevel()).tick(0.0, q, v)
     np.testing.assert_allclose(command.a, 4.0 * (arm.q0 - q) - 4.0 * v, atol=1e-7)
+
+
+class Ceiling(Barrier):
+    """The tool stays below a height [m]."""
+
+    dim, units = 1, "m"
+
+    def __init__(self, height: float) -> None:
+        super().__init__(rate=20.0)
+        self.height = height
+
+    def fill(self, state: Any, out: BarrierRows) -> None:
+        tool = state.frame("tool")
+        out.h[:] = self.height - tool.position[2]
+        out.J[:] = -tool.jacobian()[2]
+        out.drift[:] = -tool.drift()[2]
+
+
+@pytest.mark.parametrize("level", [wbc.VelocityLevel(), wbc.AccelerationLevel(), wbc.InverseDynamics()])
+def test_a_barrier_is_approached_and_never_passed(arm: PinocchioModel, level: Any) -> None:
+    height = float(arm.state().frame("tool").position[2]) + 0.05
+    goal = arm.state().frame("tool").position + np.array([0.0, 0.0, 0.2])
+    stack = wbc.Stack([T.Position("tool", target=goal), T.Posture(arm.q0, weight=1e-3)], subject_to=[Ceiling(height)])
+    control = controller(arm, stack, level=level, dt=1e-3)
+    q, v, highest = np.array(arm.q0), np.zeros(arm.nv), -np.inf
+    for k in range(1500):
+        command = control.tick(k * 1e-3, q, v)
+        assert command.status.ok
+        q, v = command.q, command.v
+        highest = max(highest, float(control.state.frame("tool").position[2]))
+    assert highest <= height + 1e-5
+    assert highest >= height - 5e-3
 
 
 class SharedLoad(LinearConstraint):
@@ -150,6 +224,20 @@ def test_a_torque_task_as_a_constraint_is_met_exactly(arm: PinocchioModel) -> No
     np.testing.assert_allclose(command.tau, tau_0, atol=1e-7)
 
 
+def test_a_torque_task_alone_is_met_and_a_force_task_is_met_in_its_contact(
+    arm: PinocchioModel, quadruped: PinocchioModel
+) -> None:
+    tau_0 = np.linspace(-2.0, 3.0, arm.nj)
+    level = wbc.InverseDynamics(regularisation=1e-13)
+    command = controller(arm, wbc.Stack([T.Torque(tau_0)]), level=level).tick(0.0, *moving(arm, 1))
+    np.testing.assert_allclose(command.tau, tau_0, atol=1e-5)
+    foot = next(iter(quadruped.feet))
+    weight = quadruped.mass * 9.81
+    press = T.ContactForce(foot, target=[0.0, 0.0, 0.4 * weight], weight=10.0)
+    command = controller(quadruped, standing(quadruped, extra=(press,))).tick(0.0, quadruped.q0, np.zeros(quadruped.nv))
+    assert command.f[foot][2] == pytest.approx(0.4 * weight, rel=1e-2)
+
+
 # ---- what may change between ticks
 
 
@@ -162,6 +250,14 @@ def test_a_task_switched_off_counts_for_nothing(humanoid: PinocchioModel) -> Non
     np.testing.assert_allclose(
         control.tick(0.0, q, v).tau, controller(humanoid, without).tick(0.0, q, v).tau, atol=1e-6
     )
+
+
+def test_switching_the_posture_off_leaves_a_certified_answer(humanoid: PinocchioModel) -> None:
+    stack = standing(humanoid)
+    control = controller(humanoid, stack)
+    control.tick(0.0, humanoid.q0, np.zeros(humanoid.nv))
+    stack.tasks[2].active = False
+    assert control.tick(1e-3, humanoid.q0, np.zeros(humanoid.nv)).solution.certificate.ok
 
 
 class OwnRate(Task):

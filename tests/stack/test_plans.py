@@ -114,6 +114,19 @@ def test_what_components_moved_and_what_they_remember_survives_a_change() -> Non
     assert schedule.prepared == 1
 
 
+@given(st.sampled_from(FEET), st.floats(0.5, 20.0), st.integers(0, 9))
+def test_a_limit_on_the_normal_force_holds_and_moves_between_ticks(foot: str, limit: float, seed: int) -> None:
+    schedule = Named(FEET)
+    controller = scheduled(schedule)
+    q, v = moving(QUADRUPED, seed)
+    free = controller.tick(0.0, q, v).f[foot][2]
+    for bound in (limit, 0.1 * limit, np.inf):
+        schedule.says = wbc.Overrides(normal_limits={foot: bound})
+        command = controller.tick(0.001, q, v)
+        assert command.status.ok and command.f[foot][2] <= bound + 1e-7
+    assert command.f[foot][2] == pytest.approx(free, rel=1e-6, abs=1e-6)
+
+
 def test_a_set_nobody_announced_is_compiled_between_ticks_and_the_present_plan_holds_until_then() -> None:
     schedule = Named(FEET)
     controller = scheduled(schedule)
