@@ -159,7 +159,7 @@ def test_an_interrupted_sweep_goes_on_and_ends_with_the_same_results(tmp_path: P
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_to_all_processes_of_a_sweep_ends_them_without_a_traceback(end: signal.Signals, tmp_path: Path):
     """As Ctrl-C in a terminal, which the workers get, too."""
-    command = ["wbc", "sweep", FLIP, "--set", "wait=0.05", "--runs", "30", "--workers", "2", "--out", "out"]
+    command = ["wbc", "sweep", FLIP, "--set", "wait=0.2", "--runs", "30", "--workers", "2", "--out", "out"]
     started = subprocess.Popen(
         [sys.executable, "-m", *command], cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True
     )
@@ -171,7 +171,7 @@ def test_a_signal_to_all_processes_of_a_sweep_ends_them_without_a_traceback(end:
     assert started.returncode == 130 and "continue with: wbc sweep" in said and "Traceback" not in said
     _until(lambda: not [one for one in everybody if one.is_running() and one.status() != psutil.STATUS_ZOMBIE], 10.0)
     assert [path.name for path in tmp_path.iterdir()] == ["out.unfinished"]
-    resume(tmp_path / "out", scenario=FLIP, workers=1)
+    resume(tmp_path / "out", scenario=FLIP, workers=2)
     assert [result["run"] for result in results(tmp_path / "out")] == list(range(30))
 
 
