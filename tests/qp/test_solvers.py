@@ -17,9 +17,11 @@ import pytest
 import wbc
 from tasks import JointVelocityLimits, Posture
 from tests.families.qps import FAMILIES, problem
+from tests.qp.rows.test_row_solvers import row_problem
 from tests.qp.zoo import random_qp, sequence
 from wbc.errors import InvalidProblem, SolverMissing, UnknownSolver, WbcError
 from wbc.qp import QP, Session, Shape, Solver, solve
+from wbc.qp.rows.standard import StandardSolver
 from wbc.qp.solver import Answer
 from wbc.qp.solvers import (
     EXTRAS,
@@ -115,6 +117,14 @@ def test_what_is_no_answer_is_told_by_the_name_of_the_solver(made: Callable[[QP]
     controller = wbc.Controller(robot, stack, level=wbc.VelocityLevel(), solver=Returns(made))
     assert controller.tick(0.0, robot.q0, np.zeros(robot.nv)).fallback_level == "other solver"
     assert controller.why.startswith("solver 'mine' returned ")
+
+
+def test_what_was_returned_for_another_problem_is_not_told_again() -> None:
+    p = row_problem(0)
+    solver = StandardSolver(p, Returns(lambda qp: None))
+    assert solver.solve() is Status.FAILED and solver.fault.startswith("solver 'mine' returned None")
+    p.G[:] = np.nan
+    assert solver.solve() is Status.FAILED and solver.fault == ""
 
 
 @pytest.mark.parametrize("kind", [list, np.float32])

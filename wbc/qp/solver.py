@@ -114,6 +114,7 @@ class Session(ABC):
             raise InvalidProblem(f"a session solves a QP, not {qp!r}")
         if qp.shape != self.shape:
             raise InvalidProblem(f"this session was opened for {self.shape}, not {qp.shape}")
+        self.fault = ""
         qp.check()
         tolerance = self.solver.tolerance
         start = perf_counter()

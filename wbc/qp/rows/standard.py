@@ -35,7 +35,9 @@ class StandardSolver(RowSolver):
         except InvalidProblem:  # NaN or crossed bounds reached the rows: the controller falls back
             self.solution, self.certificate = Answer.none(self.qp.shape, Status.FAILED), Certificate.none()
             return Status.FAILED
-        self.solution, self.fault = solution, self.session.fault
+        finally:
+            self.fault = self.session.fault
+        self.solution = solution
         self.certificate, self.iterations = solution.certificate, solution.iterations
         if not np.isfinite(solution.x).all():
             return solution.status
