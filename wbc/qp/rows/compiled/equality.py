@@ -199,7 +199,10 @@ def hold_guess(at: int) -> bool:
 
 @part
 def correct(at: int, is_at_centre: bool) -> None:
-    """Solve for what corrects what is left: dλ in place of ρ, and dy in place of M^−½ r in ``t``."""
+    """Solve for what corrects what is left, ``r`` and ``rho``: dλ is written in ``rho``, dy in ``t``.
+
+    ``is_at_centre``: nothing is left of the gradient, and ``r`` is not read.
+    """
     s = views(at)
     ny, m, first = s.sizes[1], s.sizes[6], first_row(s)
     if is_at_centre:

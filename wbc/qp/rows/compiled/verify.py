@@ -31,7 +31,7 @@ from wbc.qp.rows.compiled.work import Work, bound_of, is_fixed, place_of, views,
 from wbc.tolerances import DISTANCE, MET, NEAR, ROUNDING
 
 #: An unknown whose cost is at most this many times the regularisation belongs to no task. No task asks for its value,
-#: so it is only demanded that it can be no farther from its optimum than its own size (1 + |y|), as far as one knows.
+#: so it is only demanded that it can be no farther from its optimum than its own size (1 + |y|).
 ALONE = 1.5
 #: A bound is broken beyond this share of 1 + its size; held rows are brought to within it.
 _BROKEN = 1e-10
