@@ -242,12 +242,12 @@ class Plan(Filled):
             self.force_scale = p.scale[nv : nv + layout.nf].copy()
             for block, cone in self._cones.items():
                 p.G[block.cone, block.unknowns] = cone * p.scale[block.unknowns]
-        if contacts:
-            pressing = [block.member for block in layout.contacts if not block.member.bilateral]
-            for contact, bounds in zip(pressing, self._own_normals.T, strict=True):
-                with explained(f"bounds on the force of {contact.name}"):
-                    bounds[0] = -np.inf if contact.f_min is None else contact.f_min
-                    bounds[1] = np.inf if contact.f_max is None else contact.f_max
+            if contacts:
+                pressing = [block.member for block in layout.contacts if not block.member.bilateral]
+                for contact, bounds in zip(pressing, self._own_normals.T, strict=True):
+                    with explained(f"bounds on the force of {contact.name}"):
+                        bounds[0] = -np.inf if contact.f_min is None else contact.f_min
+                        bounds[1] = np.inf if contact.f_max is None else contact.f_max
             self._bound_normals()
         for soft in layout.soft:
             p.scale[soft.unknowns] = np.sqrt(p.unit / (soft.weights + eps))
